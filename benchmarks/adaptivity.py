@@ -26,7 +26,7 @@ from pdmesh.scene.shapes import SceneError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
-from pdsolve.run.node_changes import find_zone_change_since_last_call
+from pdsolve.run.node_changes import create_system_if_zone_changed
 from pdsolve.run.prepare import prepare
 
 PAGE = DOCS / "verification" / "adaptivity.md"
@@ -112,7 +112,7 @@ def solved(
         system.stepper.advance(state, done + 1, last + 1)
         done = last
     cpu = time.thread_time() - began
-    change = find_zone_change_since_last_call(system) if system.moving_zone_operator else None
+    change = create_system_if_zone_changed(system) if system.moving_zone_operator else None
     system, state = (system, state) if change is None else (change.system, change.state)
     broken, energies = system.operator.broken(), compute_energy_balance_row(system, state, steps)
     cracked = system.model.grid.position[compute_node_damage(system, broken) > CRACKED]

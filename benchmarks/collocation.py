@@ -34,7 +34,7 @@ from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
-from pdsolve.run.node_changes import find_zone_change_since_last_call
+from pdsolve.run.node_changes import create_system_if_zone_changed
 from pdsolve.run.prepare import prepare
 
 PAGE = DOCS / "verification" / "collocation.md"
@@ -111,7 +111,7 @@ def _solved(deck: Deck) -> Generator[Run | None, None, None]:
         began = time.thread_time()
         system.stepper.advance(state, look * steps // LOOKS + 1, (look + 1) * steps // LOOKS + 1)
         cpu += time.thread_time() - began
-        change = find_zone_change_since_last_call(system)
+        change = create_system_if_zone_changed(system)
         if change is not None:
             system, state = change.system, change.state
         ledger = compute_energy_balance_row(system, state, (look + 1) * steps // LOOKS)

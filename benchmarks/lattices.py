@@ -23,7 +23,7 @@ from pdmesh import Body, Box, Run
 from pdmesh.model.document import Horizon, Settings
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.operator_factory import bond_arrangement, unwrap_bond_operator
+from pdsolve.run.operator_factory import bond_layout_of_operator, unwrap_bond_operator
 
 STORED = Path(__file__).with_suffix(".json")
 FLAT = msgspec.structs.replace(GLASS, plane="stress")
@@ -74,7 +74,7 @@ def measured() -> list[dict[str, Any]]:
             "name": name,
             "nodes": len(model.grid),
             "bonds": bonds,
-            "in": bond_arrangement(operator),
+            "in": bond_layout_of_operator(operator),
             "bytes a bond": operator.bytes() / bonds,
         }
     for name, seconds in least_of_steps(measures, ROUNDS, SAMPLE).items():

@@ -187,7 +187,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
         from pdsolve.model import ModelWarning, read_model
         from pdsolve.numerics.memory import large_arrays_apart
         from pdsolve.results import ResultsWarning, is_empty, state_of
-        from pdsolve.run.after_path import motion_results_file
+        from pdsolve.run.after_path import results_file_of_motion_after_equilibrium_path
         from pdsolve.run.simulation import Options, resume, simulate
         from pdsolve.run.summary_lines import format_summary_lines
 
@@ -218,7 +218,13 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
             output = args.output or Path(args.model.stem + ".sqlite")
             path = commandline.output_path(args.output, args.model, ".sqlite", args.force or is_empty(output))
             if model.settings.run.after == "motion":
-                commandline.output_path(motion_results_file(path), args.model, ".sqlite", args.force, is_companion=True)
+                commandline.output_path(
+                    results_file_of_motion_after_equilibrium_path(path),
+                    args.model,
+                    ".sqlite",
+                    args.force,
+                    is_companion=True,
+                )
             if not args.force:
                 state_of(path)  # a log without its database is left alone
             with _says_how_to_go_on(path, args), compile_time_said(lambda words: commandline.note(words, args)):

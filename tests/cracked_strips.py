@@ -51,7 +51,7 @@ def torn(material: Material, ratio: float = 3.0, columns: int = 60, rows: int = 
     found, broken = compute_energy_balance_row(system, state, steps), system.operator.broken()
     y = grid.position[:, 1]
     crosses = y[broken.source] * y[broken.target] < 0
-    source, target = system.operator.bonds(start=True)
+    source, target = system.operator.bonds(at_start=True)
     ligament = int((y[source] * y[target] < 0).sum())
     length = columns * delta - delta / 2 - notch
     return Torn(

@@ -25,7 +25,7 @@ from pdsolve.adaptivity.collocation.zone import COARSE as ACTIVE
 from pdsolve.adaptivity.collocation.zone import FINE as BONDED
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.quadtree.leaf_mapping import map_leaves
+from pdsolve.adaptivity.quadtree.leaf_mapping import leaves_after_split_and_merge
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
@@ -120,9 +120,9 @@ def split_where(problem: PreparedRun, where: Callable[[NDArray[np.float64]], NDA
     tree = splitting.tree
     cells = tree.roots()
     splits = tree.mask_splittable(cells) & where(tree.centres(cells))
-    new, _ = map_leaves(tree, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
+    new, _ = leaves_after_split_and_merge(tree, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
     kept = {"ids": tree.node_ids(new), "calm": np.zeros(len(new.root_row), dtype=np.int64), "made": np.zeros(1)}
-    return splitting.restore_system(problem.system, kept)
+    return splitting.create_system_with_checkpoint_nodes(problem.system, kept)
 
 
 def _collocation(engine: CollocationEngine, seam: float) -> Marching:
@@ -131,7 +131,7 @@ def _collocation(engine: CollocationEngine, seam: float) -> Marching:
     x = lattice.spacing * (
         np.arange(lattice.numbering.place_count) % lattice.numbering.row_stride - lattice.numbering.left_margin
     )
-    engine.activate_coarse_nodes((zone.node_kinds == ACTIVE) & (x > seam))
+    engine.set_active_coarse_nodes((zone.node_kinds == ACTIVE) & (x > seam))
     place = plate.model.grid.position
 
     def put(shape: Field, _: Field, rate: Field) -> None:

@@ -17,10 +17,14 @@ from pdmesh.model.material_constants import micromodulus
 from pdmesh.model.neighbours import lengths
 from pdsolve.adaptivity.hybrid.space.coarse_springs import cubic_stiffness
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
-from pdsolve.adaptivity.hybrid.space.prepare import compute_vertex_force, create_full_block, create_operator_of_cells
+from pdsolve.adaptivity.hybrid.space.prepare import (
+    compute_vertex_force_ratio,
+    create_full_block,
+    create_operator_of_cells,
+)
 from pdsolve.lattice.tile_bonds import offset_table
 from pdsolve.laws.pair_laws.brittle import LAW
-from pdsolve.zone.cells import COARSE, FINE, VOID, coordinates, place_at
+from pdsolve.zone.cells import COARSE, FINE, VOID, lattice_coordinates, place_number_at
 
 ACROSS = 8  # cells
 AWAY = 80  # spacings from the pulse to the seam; what is sent back, and how wide it is, depends on it
@@ -44,7 +48,7 @@ def sent_back(ratio: float, width: int, shear: bool, backwards: bool = False, se
     """
     bonds, cells = bonds_of(ratio), (3 * AWAY + 4 * width) // 2
     operator = _column(bonds, cells, (AWAY + 4 * width) // 2, backwards, seam)
-    x, y, z = coordinates(operator.full_body.fine_lattice.numbering.fine, operator.sites)
+    x, y, z = lattice_coordinates(operator.full_body.fine_lattice.numbering.fine, operator.sites)
     alike = _alike(operator, x, y, z)
     c11, c12 = cubic_stiffness(bonds)
     speed, axis, dt = float(np.sqrt(c12 if shear else c11)), 2 if shear else 0, STEP / float(np.sqrt(c11))
@@ -74,7 +78,7 @@ def _column(bonds: NDArray[np.float64], cells: int, more: int, backwards: bool, 
         LAW,
         whole,
         np.pad(kinds, whole.fine_lattice.numbering.cells.margins[0], constant_values=VOID).ravel(),
-        compute_vertex_force(LAW, bonds, 1.0),
+        compute_vertex_force_ratio(LAW, bonds, 1.0),
     )
 
 
@@ -83,4 +87,4 @@ def _alike(
 ) -> NDArray[np.int64]:
     """Rows (n,) of the nodes in the middle that move as all nodes do."""
     numbering = operator.full_body.fine_lattice.numbering
-    return np.searchsorted(operator.sites, place_at(numbering.fine, (x, ACROSS + y % 2, ACROSS + z % 2)))
+    return np.searchsorted(operator.sites, place_number_at(numbering.fine, (x, ACROSS + y % 2, ACROSS + z % 2)))

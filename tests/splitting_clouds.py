@@ -77,7 +77,7 @@ class Moving:
             hole_id=np.full(len(ids), -1),
         )
 
-    def restore_system(self, system: System, kept: CheckpointArrays) -> PreparedRun:
+    def create_system_with_checkpoint_nodes(self, system: System, kept: CheckpointArrays) -> PreparedRun:
         """As in `NodeAdaptation`."""
         model = dataclasses.replace(system.model, grid=self.grid(kept["ids"]))
         return prepare_explicit_motion(model, system.options, system.scheme)
@@ -87,7 +87,7 @@ class Moving:
         ids, known = self.ids(step), system.model.grid.ids
         if set(ids) == set(known):
             return None
-        new, fresh = self.restore_system(system, {"ids": ids})
+        new, fresh = self.create_system_with_checkpoint_nodes(system, {"ids": ids})
         restore_state(new, fresh, step, self._moved(system, state, new), system.operator.broken())  # type: ignore[arg-type]
         rows = {node: row for row, node in enumerate(known.tolist())}
         origin = np.array([rows.get(node, -1) for node in ids.tolist()])
@@ -123,7 +123,7 @@ class Moving:
         for one, other, when in zip(*ends, old.step.tolist(), strict=True):
             for pair in ((one, other), (other, one)):
                 since[pair] = min(when, since.get(pair, when))
-        source, target = new.operator.bonds(start=True)
+        source, target = new.operator.bonds(at_start=True)
         pairs = zip(*(self.lattice(ids[side]).tolist() for side in (source, target)), strict=True)
         when = np.array([since.get(pair, 0) for pair in pairs])
         gone = when > 0

@@ -15,7 +15,7 @@ from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.hybrid.space.prepare import create_full_block, create_operator_of_cells
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
-from pdsolve.zone.cells import COARSE, FINE, VOID, coordinates
+from pdsolve.zone.cells import COARSE, FINE, VOID, lattice_coordinates
 
 SMALL = 1e-7  # strain
 GLASS = Material(E=65e9, rho=2235, G0=204, micromodulus="constant")
@@ -39,7 +39,7 @@ def at_random(whole: FullBody, margin: int, tau: float) -> HybridBodyOperator:
 def place(operator: HybridBodyOperator) -> NDArray[np.float64]:
     """Where nodes (n, 3) are, in spacings."""
     numbering = operator.full_body.fine_lattice.numbering
-    return np.column_stack(coordinates(numbering.fine, operator.sites)).astype(float)
+    return np.column_stack(lattice_coordinates(numbering.fine, operator.sites)).astype(float)
 
 
 def block(adapt: str, steps: int = 168, other: Material | None = None) -> Model:

@@ -21,9 +21,9 @@ from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.assembly import choose_time_step
 from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
-from pdsolve.run.node_changes import find_zone_change_since_last_call
+from pdsolve.run.node_changes import create_system_if_zone_changed
 from pdsolve.run.prepare import prepare
-from pdsolve.zone.cells import COARSE, FAR, FINE, FREE, VOID, coordinates, place_at
+from pdsolve.zone.cells import COARSE, FAR, FINE, FREE, VOID, lattice_coordinates, place_number_at
 
 H = 1e-3  # m
 
@@ -57,7 +57,7 @@ class Zoned(NamedTuple):
         lattices = (zone.fine, numbering.fine, 1), (zone.coarse, numbering.coarse, 2), (zone.far, numbering.far, 4)
         for nodes, own, step in lattices:
             y, x = (index.ravel() for index in np.indices(own.counts[::-1]))
-            places = place_at(own, (x, y))
+            places = place_number_at(own, (x, y))
             free = nodes.node_kinds[places] == FREE
             yield nodes, places[free], step * H * np.column_stack([x, y])[free]
 
@@ -69,7 +69,7 @@ class Zoned(NamedTuple):
             if velocity is not None:
                 nodes.v[:, places] = velocity(*position.T)
         tied = self.zone.tied_coarse_nodes[: self.zone.counts.tied_nodes]
-        first, second, w = (tied[name] for name in ("first_carrier", "second_carrier", "second_weight"))
+        first, second, w = (tied[name] for name in ("first_coarser_node", "second_coarser_node", "second_weight"))
         u = self.zone.far.u[0]
         self.zone.coarse.u[0][:, tied["border_node"]] = (1 - w) * u[:, first] + w * u[:, second]
         self.advance(1, 1)
@@ -79,8 +79,8 @@ class Zoned(NamedTuple):
         if first_step == end_step:
             self.hybrid.compute_initial_forces()
         self.hybrid.advance(first_step, end_step)
-        if self.hybrid.u_buffer == 1:
-            self.hybrid.u_buffer = 0
+        if self.hybrid.displacement_buffer_index == 1:
+            self.hybrid.displacement_buffer_index = 0
             for nodes in (self.zone.fine, self.zone.coarse, self.zone.far):
                 nodes.u[0] = nodes.u[1]
 
@@ -146,7 +146,7 @@ def zoned(
         )
     hybrid = shown.engine
     numbering = hybrid.plate.numbering
-    x, y = coordinates(numbering.cells, np.arange(numbering.cells.place_count))
+    x, y = lattice_coordinates(numbering.cells, np.arange(numbering.cells.place_count))
     wanted = fine(x, y) & (hybrid.zone.cell_kinds != VOID)
     hybrid.zone.cell_kinds[hybrid.zone.cell_kinds == FINE] = COARSE
     hybrid.zone.cell_kinds[wanted] = FINE
@@ -202,7 +202,7 @@ def side_by_side(model: Model, steps: int | None = None) -> tuple[Solved, Solved
         settings = msgspec.structs.replace(model.settings, run=run)
         problem = prepare(dataclasses.replace(model, settings=settings), Options(threads=1))
         problem.advance(1, steps + 1)
-        change = find_zone_change_since_last_call(problem.system) if adapt == "hybrid" else None
+        change = create_system_if_zone_changed(problem.system) if adapt == "hybrid" else None
         system, state = (problem.system, problem.state) if change is None else (change.system, change.state)
         broken, ledger = system.operator.broken(), compute_energy_balance_row(system, state, steps)
         found.append(Solved(int(broken.step.min(initial=steps)), ledger, ledger.balance_error(system.initial_energy)))

@@ -81,7 +81,7 @@ def _slice(args: argparse.Namespace) -> int:
         name = args.field or fields.default_field_name(results, step)
         part = fields.choose_component(name, args.component, results.dimension)
         shown = slices.reliable_field_values(results, name, step, part or None)
-        section = slices.cut_values_by_plane(results, shown, step, *args.plane)
+        section = slices.slice_field_values_by_plane(results, shown, step, *args.plane)
         if path is not None:
             style.save(slice_figure.plane(results, section, name, part, step, largest_of(args, name)), path)
         nodes, when = results.nodes(step), moment(results, step)

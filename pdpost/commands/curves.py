@@ -238,7 +238,7 @@ def _balance(args: argparse.Namespace) -> int:
 
 def _reaction(args: argparse.Namespace) -> int:
     from pdpost.measures.balance import thickness_unit_suffix
-    from pdpost.measures.forces import read_reactions, select_reactions
+    from pdpost.measures.forces import read_condition_force_histories, select_condition_force_histories
     from pdsolve.results import Results
 
     if args.gap is not None:
@@ -248,7 +248,7 @@ def _reaction(args: argparse.Namespace) -> int:
     path = picture_path(args, ".reaction.png")
     with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         axis, per, ways = _axis(results, args), thickness_unit_suffix(results), "xyz"[: results.dimension]
-        chosen_reactions = select_reactions(read_reactions(results), args.condition)
+        chosen_reactions = select_condition_force_histories(read_condition_force_histories(results), args.condition)
         if path is not None:
             from pdpost.figures import charts, style
 
@@ -281,7 +281,7 @@ def _reaction(args: argparse.Namespace) -> int:
 
 def _gap(args: argparse.Namespace) -> int:
     from pdpost.measures.balance import thickness_unit_suffix
-    from pdpost.measures.forces import read_reactions, select_reactions
+    from pdpost.measures.forces import read_condition_force_histories, select_condition_force_histories
     from pdpost.measures.gaps import force_over_gap_opening, measure_gap_between_places, read_named_gap
     from pdpost.reading.json_keys import fields_by_json_key
     from pdsolve.results import Results
@@ -296,7 +296,7 @@ def _gap(args: argparse.Namespace) -> int:
             if len(args.gap) == 1
             else measure_gap_between_places(results, *_two_places(args.gap))
         )
-        conditions = select_reactions(read_reactions(results), args.condition)
+        conditions = select_condition_force_histories(read_condition_force_histories(results), args.condition)
         opening_curves = [
             force_over_gap_opening(opened, curve, curve.main_axis if axis is None else axis, args.smooth)
             for curve in conditions

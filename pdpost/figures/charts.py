@@ -17,7 +17,7 @@ from pdpost.figures.style import COLOURS
 from pdpost.measures import fields
 from pdpost.measures.balance import EnergyBalance
 from pdpost.measures.diffused_amounts import AMOUNTS, MassBalance
-from pdpost.measures.forces import Reaction
+from pdpost.measures.forces import ConditionForceHistory
 from pdpost.measures.gaps import ForceOpeningCurve
 from pdpost.measures.histories import NodeHistory
 
@@ -129,7 +129,7 @@ def masses(books: MassBalance, unit: str = "mol") -> Figure:
     return figure
 
 
-def reactions(chosen_reactions: list[Reaction], axis: int | None = None, per: str = "/m") -> Figure:
+def reactions(chosen_reactions: list[ConditionForceHistory], axis: int | None = None, per: str = "/m") -> Figure:
     """Forces over time and over the mean displacement of their nodes; without the time chart for a run at rest.
 
     Components are along `axis`, or along each condition's own axis; `per` is the end of the unit.

@@ -61,7 +61,7 @@ def _growth(axes: Axes, runs: Sequence[FatigueLife], named: bool) -> None:
         if run.paris_line is not None:
             words = f"{of}measured, m = {run.paris_line.m:.3g}"
             axes.plot(ends * 1e-6, run.paris_line.growth_per_cycle(ends), color="black", lw=0.9, ls=dashes, label=words)
-        law_rate = run.law_growth_per_cycle(ends)
+        law_rate = run.growth_per_cycle_of_input_law(ends)
         if law_rate is not None:
             words = f"{of}given, m = {run.fatigue_law.m:.3g}"
             axes.plot(ends * 1e-6, law_rate, color="0.6", lw=2.5, alpha=0.6, ls=dashes, label=words, zorder=0)

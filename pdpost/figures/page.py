@@ -25,7 +25,7 @@ from pdpost.measures import crack_3d, crack_summary
 from pdpost.measures.balance import energy_balance, energy_loss_warnings, thickness_unit_suffix
 from pdpost.measures.diffused_amounts import AMOUNTS, mass_balance_with_unit
 from pdpost.measures.fields import default_field_name
-from pdpost.measures.forces import read_reactions
+from pdpost.measures.forces import read_condition_force_histories
 from pdpost.reading.embedded_model import at_rest, moment, whole
 from pdpost.reading.frame_steps import frames
 from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses
@@ -149,7 +149,9 @@ def _balance(results: Results) -> list[str]:
         _image(charts.balance(books, per), "energies over time"),
     ]
     if len(results.reactions()):
-        parts.append(_image(charts.reactions(read_reactions(results), per=per), "forces of loads and grips"))
+        parts.append(
+            _image(charts.reactions(read_condition_force_histories(results), per=per), "forces of loads and grips")
+        )
     return parts
 
 

@@ -17,10 +17,10 @@ from pdpost.figures.colours import SHARES, Colours, at, caption, colours, mappab
 from pdpost.figures.labels import scaled
 from pdpost.measures.slices import (
     AXES,
-    NodesCutByPlane,
-    cut_values_by_plane,
+    FieldSlice,
     default_slice_point,
     reliable_field_values,
+    slice_field_values_by_plane,
 )
 from pdpost.reading.frame_steps import chosen
 from pdsolve.results import Results
@@ -35,7 +35,7 @@ Pixels = NDArray[np.uint8]  # (rows, columns, 3)
 
 
 def plane(
-    results: Results, section: NodesCutByPlane, name: str, part: str, step: int, largest: float | None = None
+    results: Results, section: FieldSlice, name: str, part: str, step: int, largest: float | None = None
 ) -> Figure:
     """The field `name` on a plane; the colour range ends at `largest` (SI) or at the usual largest value."""
     range_of = colours(name, part, section.values, largest)
@@ -82,7 +82,9 @@ class Sections:
         """Draw a frame's values (n,) on the planes; returns the artists, which the caller may remove."""
         painted: list[Artist] = []
         for axis, axes in self._panels.items():
-            section = cut_values_by_plane(self._results, shown, step, axis, float(self._middle[AXES.index(axis)]))
+            section = slice_field_values_by_plane(
+                self._results, shown, step, axis, float(self._middle[AXES.index(axis)])
+            )
             painted.append(_paint(axes, section, self._range, self._colours, self._metre))
             _named(axes, section, self._metres)
             axes.set_title(_place(section, self._metre, self._metres), fontsize="small")
@@ -138,9 +140,7 @@ def field_range(results: Results, name: str, part: str, steps: list[int]) -> tup
     return max(map(usual, frame_values)) or None, min(low for low, _ in ends), max(high for _, high in ends)
 
 
-def _paint(
-    axes: Axes, section: NodesCutByPlane, range_of: Colours, painted: ScalarMappable, metre: float
-) -> PolyCollection:
+def _paint(axes: Axes, section: FieldSlice, range_of: Colours, painted: ScalarMappable, metre: float) -> PolyCollection:
     squares = (section.plane_coordinates[:, None, :] + section.spacing[:, None, None] * CORNERS) * metre
     paint = painted.to_rgba(np.ma.masked_invalid(section.values * range_of.factor))
     collection = PolyCollection(squares, facecolors=paint, edgecolors=paint, linewidths=0.2)
@@ -148,10 +148,10 @@ def _paint(
     return collection
 
 
-def _named(axes: Axes, section: NodesCutByPlane, metres: str) -> None:
+def _named(axes: Axes, section: FieldSlice, metres: str) -> None:
     axes.set(xlabel=f"{section.plane_axes[0]}, {metres}", ylabel=f"{section.plane_axes[1]}, {metres}")
 
 
-def _place(section: NodesCutByPlane, metre: float, metres: str) -> str:
+def _place(section: FieldSlice, metre: float, metres: str) -> str:
     (third,) = set(AXES) - set(section.plane_axes)
     return f"{third} = {section.plane_position * metre + 0.0:.4g} {metres}"

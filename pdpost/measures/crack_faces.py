@@ -136,7 +136,7 @@ def build_crack_surface(results: Results, step: int, neighbour_pairs: FaceNeighb
     nodes = results.nodes(step)
     crack = np.flatnonzero(
         (neighbour_pairs.opening_step == PRE_CRACK)
-        | (neighbour_pairs.is_opened & _pairs_are_inside_crack(nodes, neighbour_pairs))
+        | (neighbour_pairs.is_opened & _pairs_are_inside_cracked_region(nodes, neighbour_pairs))
     )
     crack = crack[np.argsort(neighbour_pairs.opening_step[crack], kind="stable")]
     when = neighbour_pairs.opening_step[crack]
@@ -150,7 +150,7 @@ def triangles_of_grown_faces(cracks: CrackSurface) -> NDArray[np.float64]:
     return np.asarray(corners[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 9))
 
 
-def _pairs_are_inside_crack(nodes: Nodes, neighbour_pairs: FaceNeighbourPairs) -> NDArray[np.bool_]:
+def _pairs_are_inside_cracked_region(nodes: Nodes, neighbour_pairs: FaceNeighbourPairs) -> NDArray[np.bool_]:
     """Mask (b,) of pairs whose nodes belong to sound nodes far from each other, or to none."""
     pairs, sound = neighbour_pairs.node_rows, np.flatnonzero(neighbour_pairs.node_is_uncracked)
     if not len(sound):

@@ -83,7 +83,7 @@ class FatigueLife(NamedTuple):
             return np.full(len(strain_range), np.inf)
         return np.where(strain_range > self.fatigue_law.endurance, 1 / (A1 * strain_range**m1), np.inf)
 
-    def law_growth_per_cycle(self, dK: Array) -> Array | None:
+    def growth_per_cycle_of_input_law(self, dK: Array) -> Array | None:
         """Growth a cycle by what the run was given: C and m, or m alone through the middle of the settled points."""
         C, m = self.fatigue_law.C, self.fatigue_law.m
         if m is None or (C is None and self.paris_line is None):

@@ -46,7 +46,7 @@ class NodalField:
         return (*self.components, *(("z",) if self.components == VECTOR else ("xz", "yz")))
 
 
-def _describe_stored_field(name: str, title: str, components: tuple[str, ...] = ()) -> NodalField:
+def _create_stored_nodal_field(name: str, title: str, components: tuple[str, ...] = ()) -> NodalField:
     """A field stored in results, with its unit from the table of stored fields."""
     unit = output_fields.FIELDS[name].unit
     return NodalField(name, title, "" if unit == "1" else unit.translate(POWERS), components)
@@ -55,21 +55,21 @@ def _describe_stored_field(name: str, title: str, components: tuple[str, ...] = 
 FIELDS = {
     field.name: field
     for field in (
-        _describe_stored_field("damage", "Damage"),
+        _create_stored_nodal_field("damage", "Damage"),
         NodalField("separation", "Damage, pre-cracks counted", ""),
-        _describe_stored_field("energy", "Strain energy"),
-        _describe_stored_field("displacement", "Displacement", VECTOR),
-        _describe_stored_field("velocity", "Velocity", VECTOR),
-        _describe_stored_field("acceleration", "Acceleration", VECTOR),
+        _create_stored_nodal_field("energy", "Strain energy"),
+        _create_stored_nodal_field("displacement", "Displacement", VECTOR),
+        _create_stored_nodal_field("velocity", "Velocity", VECTOR),
+        _create_stored_nodal_field("acceleration", "Acceleration", VECTOR),
         NodalField("strain", "Strain", "", TENSOR),
         NodalField("stress", "Stress", "Pa", (*TENSOR, "mises")),
-        _describe_stored_field("plastic", "Equivalent plastic strain"),
-        _describe_stored_field("rotation", "Rotation"),
-        _describe_stored_field("volume", "Volume over that at the start"),
-        _describe_stored_field("concentration", "Concentration"),
-        _describe_stored_field("content", "Content, the solid counted"),
-        _describe_stored_field("solid", "Share that is solid"),
-        _describe_stored_field("temperature", "Temperature"),
+        _create_stored_nodal_field("plastic", "Equivalent plastic strain"),
+        _create_stored_nodal_field("rotation", "Rotation"),
+        _create_stored_nodal_field("volume", "Volume over that at the start"),
+        _create_stored_nodal_field("concentration", "Concentration"),
+        _create_stored_nodal_field("content", "Content, the solid counted"),
+        _create_stored_nodal_field("solid", "Share that is solid"),
+        _create_stored_nodal_field("temperature", "Temperature"),
     )
 }
 

@@ -27,7 +27,7 @@ CELL = "load cell"
 WHAT = ("force", "displacement")
 
 
-class Reaction(NamedTuple):
+class ConditionForceHistory(NamedTuple):
     """Force and displacement of one condition at t steps, for a plate per metre of thickness; d is 2 or 3."""
 
     number: int  # in the model's list of conditions; of a load cell in that of load cells
@@ -44,7 +44,7 @@ class Reaction(NamedTuple):
         return int(np.abs(self.force).max(axis=0).argmax())
 
 
-def read_reactions(results: Results) -> list[Reaction]:
+def read_condition_force_histories(results: Results) -> list[ConditionForceHistory]:
     """Reactions of all conditions over the run, then load cells. Raises ResultsError if there are none."""
     rows, ways, model = results.reactions(), "xyz"[: results.dimension], read(results, _ConditionGridFileKeys)
     conditions = model.conditions
@@ -61,7 +61,9 @@ def read_reactions(results: Results) -> list[Reaction]:
         force, displacement = (np.column_stack([mine[f"{what}_{way}"] for way in ways]) for what in WHAT)
         name = called(condition.get("name"), number)
         all_reactions.append(
-            Reaction(number, name, condition["kind"], mine["step"].astype(int), mine["time"], force, displacement)
+            ConditionForceHistory(
+                number, name, condition["kind"], mine["step"].astype(int), mine["time"], force, displacement
+            )
         )
     if not all_reactions:
         raise ResultsError(f"{results.name}: no condition acts; use a load or something that is held")
@@ -70,11 +72,13 @@ def read_reactions(results: Results) -> list[Reaction]:
         parts = [reaction for reaction in all_reactions if reaction.name in cell.of]
         force = np.sum([reaction.force for reaction in parts], axis=0)
         displacement = np.mean([reaction.displacement for reaction in parts], axis=0)
-        cells.append(Reaction(number, cell.name, CELL, parts[0].step, parts[0].time, force, displacement))
+        cells.append(ConditionForceHistory(number, cell.name, CELL, parts[0].step, parts[0].time, force, displacement))
     return all_reactions + cells
 
 
-def select_reactions(all_reactions: list[Reaction], names: list[str]) -> list[Reaction]:
+def select_condition_force_histories(
+    all_reactions: list[ConditionForceHistory], names: list[str]
+) -> list[ConditionForceHistory]:
     """The reactions with these names or numbers; all if `names` is empty. Raises ResultsError naming the conditions."""
     numbered = {str(reaction.number): reaction for reaction in all_reactions if reaction.kind != CELL}
     by_name = numbered | {reaction.name: reaction for reaction in all_reactions}

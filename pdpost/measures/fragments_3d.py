@@ -74,8 +74,8 @@ def find_body_fragments(results: Results, step: int, neighbour_pairs: FaceNeighb
             int(count[number]),
             float(volume[number]),
             float(sums[number, 0]),
-            _weighted_mean_vector(sums[number], 1),
-            _weighted_mean_vector(sums[number], 4) if velocity else None,
+            _mean_vector_from_mass_weighted_sums(sums[number], 1),
+            _mean_vector_from_mass_weighted_sums(sums[number], 4) if velocity else None,
         )
         for number in np.flatnonzero(large)
     ]
@@ -83,7 +83,7 @@ def find_body_fragments(results: Results, step: int, neighbour_pairs: FaceNeighb
     return BodyFragments(tuple(pieces), int((~large).sum()), float(sums[~large, 0].sum()))
 
 
-def _weighted_mean_vector(sums: NDArray[np.float64], first_column: int) -> tuple[float, float, float]:
+def _mean_vector_from_mass_weighted_sums(sums: NDArray[np.float64], first_column: int) -> tuple[float, float, float]:
     """Three components of a mean, from sums weighted by mass."""
     x, y, z = (float(component) for component in sums[first_column : first_column + 3] / sums[0])
     return x, y, z

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Run
-from pdpost.measures.forces import Reaction
+from pdpost.measures.forces import ConditionForceHistory
 from pdpost.measures.histories import nearest_node_history
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Results, ResultsError
@@ -82,7 +82,7 @@ def measure_gap_between_places(results: Results, first_place: Place, second_plac
 
 
 def force_over_gap_opening(
-    gap: GapOpeningHistory, reaction: Reaction, axis: int, averaged_steps: int = 1
+    gap: GapOpeningHistory, reaction: ConditionForceHistory, axis: int, averaged_steps: int = 1
 ) -> ForceOpeningCurve:
     """The force of a condition along an axis against a gap; `averaged_steps` is the number of steps in a running mean.
 

@@ -53,14 +53,14 @@ class CrackSkeleton:
         joints = {
             at
             for at, links in enumerate(self.links)
-            if links and (at in self.begins or len(links) != 2 or len(self._next_parts(at)) != 1)
+            if links and (at in self.begins or len(links) != 2 or len(self._linked_parts_further_from_origin(at)) != 1)
         }
         chains = []
         for joint in sorted(joints):
-            for following in sorted(self._next_parts(joint)):
+            for following in sorted(self._linked_parts_further_from_origin(joint)):
                 chain = [joint, following]
                 while chain[-1] not in joints:
-                    chain += self._next_parts(chain[-1])
+                    chain += self._linked_parts_further_from_origin(chain[-1])
                 chains.append(chain)
         return chains
 
@@ -74,7 +74,7 @@ class CrackSkeleton:
         The shortest go first. Of those that share a joint, one length is removed at a time, as the rest may then be
         part of a longer chain.
         """
-        while short := sorted(self._find_short_chains()):
+        while short := sorted(self._find_removable_short_chains()):
             touched: dict[int, float] = {}
             for length, chain, way in short:
                 ends = chain[0], chain[-1]
@@ -93,7 +93,7 @@ class CrackSkeleton:
             ):
                 self._unlink_chain(chain)
 
-    def _next_parts(self, part: int) -> list[int]:
+    def _linked_parts_further_from_origin(self, part: int) -> list[int]:
         """The parts that follow one, away from the crack's origin."""
         return [neighbour for neighbour in self.links[part] if self.slab[neighbour] > self.slab[part]]
 
@@ -103,7 +103,7 @@ class CrackSkeleton:
         first = 0.0 if chain[0] in self.begins else float(self.level[self.members[chain[0]]].mean())
         return float(last.max() if self.is_dead_end(chain[-1]) else last.mean()) - first
 
-    def _find_short_chains(self) -> Iterator[tuple[float, Chain, Chain]]:
+    def _find_removable_short_chains(self) -> Iterator[tuple[float, Chain, Chain]]:
         """Pairs of a short chain and itself if it is a dead end, or another chain that joins the same two joints."""
         ways: dict[tuple[int, int], Chain] = {}
         for chain in self.find_chains_between_joints():

@@ -14,7 +14,7 @@ AXES = "xyz"
 ROUND_OFF = 1e-6  # of a spacing
 
 
-class NodesCutByPlane(NamedTuple):
+class FieldSlice(NamedTuple):
     """The k nodes whose cells a plane cuts."""
 
     node_rows: NDArray[np.int64]  # (k,)
@@ -56,9 +56,9 @@ def default_slice_point(results: Results) -> NDArray[np.float64]:
     return np.asarray(np.where(has_node, centre, nearest))
 
 
-def cut_values_by_plane(
+def slice_field_values_by_plane(
     results: Results, values: NDArray[np.float64], step: int, axis: str, plane_position: float
-) -> NodesCutByPlane:
+) -> FieldSlice:
     """The values `values` (n,) of the nodes cut by the plane `axis` = `plane_position` (m). Raises ResultsError if it
     cuts none."""
     nodes, number = results.nodes(step), AXES.index(axis)
@@ -71,6 +71,6 @@ def cut_values_by_plane(
         raise ResultsError(f"{results.name} has no node at {axis} = {plane_position:g} m; use {low:g} to {high:g} m")
     others = [other_axis for other_axis in range(3) if other_axis != number]
     place = nodes.position[rows][:, others]
-    return NodesCutByPlane(
+    return FieldSlice(
         rows, place, nodes.delta[rows], values[rows], "".join(AXES[other_axis] for other_axis in others), plane_position
     )

@@ -38,9 +38,9 @@ def estimate_tip_speeds(
     """
     speed_columns = np.full((3, len(length_along_crack)), np.nan)
     for at in range(len(length_along_crack)):
-        near = averaging_window(length_along_crack, at, WINDOW * spacing[at])
+        near = window_for_mean_speed(length_along_crack, at, WINDOW * spacing[at])
         if near is not None:  # of the coarsest nodes there
-            near = averaging_window(length_along_crack, at, WINDOW * float(spacing[near].max()))
+            near = window_for_mean_speed(length_along_crack, at, WINDOW * float(spacing[near].max()))
         if near is None or not known_time[near].all():
             continue
         away, late = length_along_crack[near] - length_along_crack[near].mean(), time[near] - time[near].mean()
@@ -54,7 +54,7 @@ def estimate_tip_speeds(
     return TipSpeeds(*speed_columns)
 
 
-def averaging_window(length_along_crack: NDArray[np.float64], point: int, length: float) -> slice | None:
+def window_for_mean_speed(length_along_crack: NDArray[np.float64], point: int, length: float) -> slice | None:
     """The points around one, first to last at least `length` apart, extending equally to both sides if the path allows.
 
     None if the whole path is shorter.

@@ -28,7 +28,7 @@ from pdpost.measures.crack_labels import CrackedNodes, label_cracked_nodes
 from pdpost.measures.cracked_nodes import ROUND_OFF, find_free_pre_crack_tips
 from pdpost.measures.plate_geometry import read_plate_geometry
 from pdpost.measures.skeleton import SLAB, Chain, CrackSkeleton
-from pdpost.measures.speed import WINDOW, TipSpeeds, averaging_window, estimate_tip_speeds
+from pdpost.measures.speed import WINDOW, TipSpeeds, estimate_tip_speeds, window_for_mean_speed
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Results
 
@@ -197,7 +197,7 @@ def _branch_from_chain(
     time = np.maximum.accumulate(np.maximum(step * time_step, start_time))
     fast = estimate_tip_speeds(along, time, spacing, line, time_step)
     stretches = (
-        averaging_window(along, at, WINDOW * spacing[at]) or slice(None) for at in range(len(place))
+        window_for_mean_speed(along, at, WINDOW * spacing[at]) or slice(None) for at in range(len(place))
     )  # as of its speeds
     direction = np.array([fit_line_direction(place[points]) for points in stretches])
     return CrackBranch(place, time, direction, along, fast, spacing, line, chain[0], chain[-1])
@@ -207,25 +207,28 @@ def _path_points_of_chain(
     skeleton: CrackSkeleton, cracked: CrackedNodes, chain: Chain, pre_cracks: NDArray[np.float64]
 ) -> list[_PathPoint]:
     """The points of a chain, extended to its first and last nodes and to adjacent tips of pre-cracks."""
-    points = [_merge_nodes_to_point(cracked, skeleton.members[at]) for at in chain]
+    points = [_create_path_point_of_nodes(cracked, skeleton.members[at]) for at in chain]
     level, first, last = cracked.spacings_from_origin, skeleton.members[chain[0]], skeleton.members[chain[-1]]
     if chain[0] in skeleton.begins:
         if len(skeleton.links[chain[0]]) == 1 and level[first].mean() >= 0.25:
             points.insert(
-                0, _merge_nodes_to_point(cracked, first[level[first] < 0.5])._replace(is_narrow=points[0].is_narrow)
+                0,
+                _create_path_point_of_nodes(cracked, first[level[first] < 0.5])._replace(is_narrow=points[0].is_narrow),
             )
         points[:0] = _pre_crack_tip_near(points[0], pre_cracks)
     if skeleton.is_dead_end(chain[-1]):
         far = level[last].max()
         if far - level[last].mean() >= 0.25:
             points.append(
-                _merge_nodes_to_point(cracked, last[level[last] >= far - 0.5])._replace(is_narrow=points[-1].is_narrow)
+                _create_path_point_of_nodes(cracked, last[level[last] >= far - 0.5])._replace(
+                    is_narrow=points[-1].is_narrow
+                )
             )
         points += _pre_crack_tip_near(points[-1], pre_cracks)
     return points
 
 
-def _merge_nodes_to_point(cracked: CrackedNodes, rows: NDArray[np.int64]) -> _PathPoint:
+def _create_path_point_of_nodes(cracked: CrackedNodes, rows: NDArray[np.int64]) -> _PathPoint:
     """The centre of nodes; the time is the mean over spacings of length of the first node in each."""
     layer, delta = np.floor(cracked.spacings_from_origin[rows] + ROUND_OFF), cracked.spacing[rows]
     steps = [int(cracked.crack_arrival_step[rows][layer == number].min()) for number in np.unique(layer)]

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class EnergyBalanceTotals(NamedTuple):
-    """Totals over all nodes."""
+    """EnergyTotals over all nodes."""
 
     kinetic: float  # J/m
     strain: float  # J/m
@@ -82,11 +82,11 @@ class TwoLatticeOperator(ABC, Generic[N]):
 
     @property
     @abstractmethod
-    def is_current(self) -> bool:
+    def nodes_are_unchanged(self) -> bool:
         """Whether the nodes of `engine` are unchanged."""
 
     @abstractmethod
-    def operator_if_changed(self) -> Self | None:
+    def new_operator_if_nodes_changed(self) -> Self | None:
         """The operator on the current nodes if they have changed, else None."""
 
     @abstractmethod
@@ -98,7 +98,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
 
         Raises RuntimeError if the nodes have changed.
         """
-        if not self.is_current:
+        if not self.nodes_are_unchanged:
             raise RuntimeError(f"{self.name}: nodes have become others; ask for the present ones")
         self._write_node_motion(state)
 
@@ -147,7 +147,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
         return self.engine.checkpoint_arrays()
 
     def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
-        """Restore a checkpoint, which contains the broken bonds; see `operator_if_changed` for other nodes."""
+        """Restore a checkpoint, which has the broken bonds; for other nodes see `new_operator_if_nodes_changed`."""
         self.engine.restore(checkpoint)
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
@@ -177,7 +177,7 @@ class TwoLatticeStepper(Stepper):
         The state is updated as long as it has the operator's nodes; it may have none.
         """
         self._operator.engine.advance(first_step, end_step)
-        if self._operator.is_current and len(state.value):
+        if self._operator.nodes_are_unchanged and len(state.value):
             self._operator.copy_to_state(state)
         return end_step - 1
 

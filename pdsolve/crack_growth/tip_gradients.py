@@ -21,7 +21,7 @@ class Surroundings:
     def __init__(self, model: Model, operator: Operator, area: NDArray[np.float64], rest: bool) -> None:
         """`area` (n,) m^2; `rest`: the run is static."""
         self.model, self._area, self._rest = model, area, rest
-        self.source, self.target = operator.bonds(start=True)
+        self.source, self.target = operator.bonds(at_start=True)
         self.start = np.searchsorted(self.source, np.arange(len(area) + 1))
         self.intact = np.ones(len(self.source), dtype=bool)
         E, nu = np.array([(material.E, poisson(material)) for material in model.materials]).T[:, model.material_of]

@@ -81,12 +81,12 @@ class MassAccounts:
     def switch_system(self, system: object) -> None:
         """Does nothing, as nodes do not change."""
 
-    def evaluate_balance(self, state: State, step: int, bond_state: object) -> None:
+    def evaluate_balance(self, state: State, step: int, energies_and_breaks: object) -> None:
         """Evaluate the balance at this step, unless it is the last entry."""
         if self.last.step != step:
             self.last = masses(self._transport, state, step, self._start.solid)
 
-    def record_step(self, state: State, step: int, bond_state: object) -> None:
+    def record_step(self, state: State, step: int, energies_and_breaks: object) -> None:
         """Record the masses after this step. Raises UnstableError."""
         content, transport = state.value[:, 0], self._transport
         if not np.isfinite(content).all():
@@ -95,7 +95,7 @@ class MassAccounts:
                 f"unstable at step {step} ({step * transport.time_step:.4g} s, node"
                 f" {transport.model.grid.ids[worst]}): its content is {content[worst]}; reduce run.time_step"
             )
-        self.evaluate_balance(state, step, bond_state)
+        self.evaluate_balance(state, step, energies_and_breaks)
         self._rows.append(self.last)
 
     def move_records_into(self, frame: FrameRecord) -> FrameRecord:

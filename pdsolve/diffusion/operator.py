@@ -160,11 +160,11 @@ class Fick(UnbreakableOperator):
         return csr_array(-rates @ liquid)
 
     def bonds(
-        self, first: int = 0, last: int | None = None, start: bool = False
+        self, first_row: int = 0, end_row: int | None = None, at_start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Rows (k,) of both ends of the bonds of the nodes `first` to `last` - 1, or of all, in order."""
+        """Rows (k,) of both ends of the bonds of the nodes `first_row` to `end_row` - 1, or of all, in order."""
         assert self._families is not None
-        pairs, _ = self._families().of(np.arange(first, len(self.volume) if last is None else last))
+        pairs, _ = self._families().of(np.arange(first_row, len(self.volume) if end_row is None else end_row))
         order = np.lexsort((pairs.target, pairs.source))
         return pairs.source[order], pairs.target[order]
 

@@ -154,7 +154,7 @@ class Swelling(Stepper):
         return end_step - 1
 
     def checkpoint_arrays(self) -> Mapping[str, NDArray[Any]]:
-        """Those of the motion."""
+        """History of the motion, for a checkpoint; the content has a checkpoint of its own."""
         return self.motion.checkpoint_arrays()
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken) -> None:
@@ -163,7 +163,7 @@ class Swelling(Stepper):
         self.swell()
 
     def summary(self) -> dict[str, Any]:
-        """That of the motion."""
+        """Iterations and residuals of load steps, where the motion has some."""
         return self.motion.summary()
 
     def _heat(self, state: State, step: int, strain_energy: Array | None) -> Array | None:

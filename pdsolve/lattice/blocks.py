@@ -146,7 +146,7 @@ def _update_bonds(blocks, tracks, motion, slot, b, first, over):  # type: ignore
             continue
         peak, limit = np.float64(blocks.peak[law, lane]), np.float64(blocks.limit[law, lane])
         if stretch > peak:
-            last, worst = _stretch_before(blocks, tracks, before, slot, i, lane), 0.0
+            last, worst = _previous_stretch(blocks, tracks, before, slot, i, lane), 0.0
             if blocks.softened[b]:  # else there may be no room for it
                 worst = worst_of(blocks.law, tracks.worst, slot, lane)
             pull = added_force(blocks.law, stretch, last, worst, peak, limit) / (1 + stretch)
@@ -192,7 +192,7 @@ def _weaken(blocks, tracks, slot, b, lane, stretch, peak, limit):  # type: ignor
 
 
 @njit(**INNER)
-def _stretch_before(blocks, tracks, before, slot, i, lane):  # type: ignore[no-untyped-def]
+def _previous_stretch(blocks, tracks, before, slot, i, lane):  # type: ignore[no-untyped-def]
     """The stretch of a bond of node i at the displacements one step ago."""
     xi = entries(blocks.vectors[blocks.slots[slot, VECTOR]], blocks.axes)
     eta = displaced_along(before, tracks.shrink, xi, i, neighbour(blocks, slot, i, lane))
@@ -224,7 +224,7 @@ def _pull_again(blocks, tracks, before, step, slot, b, lane, stretch):  # type: 
     if tracks.broken[slot, lane] == step - 1:
         if blocks.softened[b]:
             worst = worst_of(blocks.law, tracks.worst, slot, lane)
-        last = _stretch_before(blocks, tracks, before, slot, i, lane)
+        last = _previous_stretch(blocks, tracks, before, slot, i, lane)
         pull = second_force(blocks.law, stretch, last, first, worst, peak, limit)
     blocks.edge[row, lane] = blocks.near[row, lane] = np.inf
     return pull

@@ -30,7 +30,7 @@ from pdsolve.lattice.marched_bonds import (
     READY,
     MarchedBonds,
     Sweep,
-    add_second_forces,
+    add_second_release_forces,
     load_accelerations,
     never_waits,
     store_accelerations,
@@ -270,7 +270,7 @@ def sweep_groups_of_thread(bonds, history, arrays, drive, state, pushes, dt, swe
                 if thread == 0:
                     apply_loads(drive, sweep.step * sweep.dt)
                 meet(gate)
-            add_second_forces(bonds, history, state, sweep, arrays.has_failure_forces)
+            add_second_release_forces(bonds, history, state, sweep, arrays.has_failure_forces)
         for turn in range(count * thread // gate.threads, count * (thread + 1) // gate.threads):
             which = arrays.groups[turn]
             if not sweeps.only_waiting_groups or arrays.waiting_reason[which] != READY:

@@ -337,6 +337,6 @@ def _add_second_forces_to_tiles(bonds, history, state, sweep, has_failure_forces
 
 
 @in_tiles(_add_second_forces_to_tiles, INNER)
-def add_second_forces(bonds, history, state, sweep, has_failure_forces):  # type: ignore[no-untyped-def]
+def add_second_release_forces(bonds, history, state, sweep, has_failure_forces):  # type: ignore[no-untyped-def]
     """Begin the sums of the thread's groups with the second forces of bonds that broke one step ago."""
     # in blocks, lanes look at their bonds

@@ -203,28 +203,28 @@ class BlockLattice(LatticeOperator):
         return peak, limit, worst
 
     def bonds(
-        self, first: int = 0, last: int | None = None, start: bool = False
+        self, first_row: int = 0, end_row: int | None = None, at_start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
-        `start`."""
-        last = len(self._stiffness_bound) if last is None else last
-        slots = self.blocks.start[[first // LANES, -(-last // LANES)]]
-        mask = self._whole if start else self.blocks.mask
+        """Source and target rows (k,) of the intact bonds of nodes `first_row` to `end_row` - 1, or of those at the
+        start, if `at_start`."""
+        end_row = len(self._stiffness_bound) if end_row is None else end_row
+        slots = self.blocks.start[[first_row // LANES, -(-end_row // LANES)]]
+        mask = self._whole if at_start else self.blocks.mask
         source, target = block_bonds.ends_of_bonds(
             self.blocks, block_bonds.numbers_of_bits(mask[slots[0] : slots[1]], int(slots[0]))
         )
-        in_range = np.flatnonzero((source >= first) & (source < last))
+        in_range = np.flatnonzero((source >= first_row) & (source < end_row))
         in_range = in_range[np.lexsort((target[in_range], source[in_range]))]
         return source[in_range], target[in_range]
 
-    def broken(self, after: int = 0) -> Broken:
+    def broken(self, after_step: int = 0) -> Broken:
         """Bonds broken after a step: step, source row and target row of each."""
         new = block_bonds.numbers_of_bits(self._looked_at & ~self.blocks.mask)
         if len(new):
             new_columns = self.tracks.broken.ravel()[new].astype(np.int64), *block_bonds.ends_of_bonds(self.blocks, new)
             self._broken = Broken(*(np.concatenate(columns) for columns in zip(self._broken, new_columns, strict=True)))
             self._looked_at = self.blocks.mask.copy()
-        return self._broken if after == 0 else self._broken.after(after)
+        return self._broken if after_step == 0 else self._broken.after(after_step)
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """History of bonds for a checkpoint, by the rows of their nodes."""
@@ -381,26 +381,26 @@ class TileLattice(LatticeOperator):
         return peak, limit, tile_bonds.largest_stretches(self.tiles, self.sites, bonds.source, bonds.number)
 
     def bonds(
-        self, first: int = 0, last: int | None = None, start: bool = False
+        self, first_row: int = 0, end_row: int | None = None, at_start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Rows (k,) of source and target of the intact bonds of the nodes `first` to `last` - 1, or of those at the
-        `start`."""
-        last = len(self._stiffness_bound) if last is None else last
-        bits, tile = self._whole(first, last) if start else (self.tiles.bits, 0)
+        """Rows (k,) of source and target of the intact bonds of nodes `first_row` to `end_row` - 1, or of those at the
+        start, if `at_start`."""
+        end_row = len(self._stiffness_bound) if end_row is None else end_row
+        bits, tile = self._whole(first_row, end_row) if at_start else (self.tiles.bits, 0)
         bond_lists = [
-            tile_bonds.list_bonds(self.sites, bits, np.arange(begin, min(begin + ROWS, last)), tile)
-            for begin in range(first, max(last, first + 1), ROWS)
+            tile_bonds.list_bonds(self.sites, bits, np.arange(begin, min(begin + ROWS, end_row)), tile)
+            for begin in range(first_row, max(end_row, first_row + 1), ROWS)
         ]
         source, target, _ = (np.concatenate(column) for column in zip(*bond_lists, strict=True))
         return source, target
 
-    def broken(self, after: int = 0) -> Broken:
+    def broken(self, after_step: int = 0) -> Broken:
         """The bonds broken after a step: step, source and target row of each."""
         with self.breaking:
             if self._new:
                 every = zip(self._broken, *self._new, strict=True)
                 self._broken, self._new = Broken(*(np.concatenate(columns) for columns in every)), []
-        return self._broken if after == 0 else self._broken.after(after)
+        return self._broken if after_step == 0 else self._broken.after(after_step)
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """History of bonds for a checkpoint, by the rows of their nodes: nothing of bonds that do not soften."""

@@ -188,7 +188,7 @@ def _update_slot(tiles, motion, breaks, t, lane, slot):  # type: ignore[no-untyp
         if stretch <= limit and not soften(tiles, t, slot, k, stretch, peak, limit):
             return False
         near, far = (place, place + offset) if motion.by_sites else (np.int64(i), np.int64(j))
-        last = _stretch_before(row, u, rate, motion.dt, place, offset, near, far)
+        last = _previous_stretch(row, u, rate, motion.dt, place, offset, near, far)
         w = stiffness(tiles, row, t, place, offset)
         pull = added_force(tiles.law, stretch, last, worst, peak, limit) * (w / (1 + stretch))
         for axis in range(len(u)):
@@ -217,7 +217,7 @@ def pull_again(tiles, motion, breaks, n):  # type: ignore[no-untyped-def]
     pair, worst = pair_number(tiles, i, j), tiles.worst[memory, slot, site % ROW] if memory >= 0 else 0.0
     near, far = (place, place + offset) if motion.by_sites else (np.int64(i), np.int64(j))
     stretch = _stretch(row, u, place, offset)
-    last = _stretch_before(row, u, motion.rate, motion.dt, place, offset, near, far)
+    last = _previous_stretch(row, u, motion.rate, motion.dt, place, offset, near, far)
     limits = tiles.peak[pair, slot], tiles.limit[pair, slot]
     pull = second_force(tiles.law, np.float64(stretch), last, breaks.stretch_before[n], worst, *limits)
     pull *= stiffness(tiles, row, t, place, offset) / (1 + stretch)
@@ -281,7 +281,7 @@ def _stretch(row, u, place, offset):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _stretch_before(row, u, rate, dt, place, offset, near, far):  # type: ignore[no-untyped-def]
+def _previous_stretch(row, u, rate, dt, place, offset, near, far):  # type: ignore[no-untyped-def]
     """The stretch of the bond of a site one step ago, since when its ends have moved with `rate` (d, .), m/s."""
     along, square = 0.0, 0.0
     for axis in range(len(u)):

@@ -244,17 +244,17 @@ class BondList:
         return tangent.of_pairs(self._list, self.columns, Now(value, value, 0, 0.0))
 
     def bonds(
-        self, first: int = 0, last: int | None = None, start: bool = False
+        self, first_row: int = 0, end_row: int | None = None, at_start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
-        `start`."""
-        begin, end = self._list.start[[first, self._nodes if last is None else last]]
-        return ends(self._bonds, begin + np.flatnonzero((self._steps()[begin:end] == 0) | start))
+        """Source and target rows (k,) of the intact bonds of nodes `first_row` to `end_row` - 1, or of those at the
+        start, if `at_start`."""
+        begin, end = self._list.start[[first_row, self._nodes if end_row is None else end_row]]
+        return ends(self._bonds, begin + np.flatnonzero((self._steps()[begin:end] == 0) | at_start))
 
-    def broken(self, after: int = 0) -> Broken:
+    def broken(self, after_step: int = 0) -> Broken:
         """Bonds broken after a step: step, source row and target row of each."""
         step = self._steps()
-        which = np.flatnonzero(step > after)
+        which = np.flatnonzero(step > after_step)
         return Broken(step[which].astype(np.int64), *ends(self._bonds, which))
 
     def checkpoint_arrays(self) -> CheckpointArrays:

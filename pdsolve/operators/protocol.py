@@ -56,14 +56,14 @@ class Operator(Forces, Protocol):
         """
 
     def bonds(
-        self, first: int = 0, last: int | None = None, start: bool = False
+        self, first_row: int = 0, end_row: int | None = None, at_start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of all, in order.
+        """Source and target rows (k,) of the intact bonds of nodes `first_row` to `end_row` - 1, or of all, in order.
 
-        Those at the `start` may be requested during a march.
+        Those at the start may be requested during a march.
         """
 
-    def broken(self, after: int = 0) -> Broken:
+    def broken(self, after_step: int = 0) -> Broken:
         """The bonds broken after a step."""
 
     def checkpoint_arrays(self) -> CheckpointArrays:

@@ -58,18 +58,18 @@ class Together:
         return matrix
 
     def bonds(
-        self, first: int = 0, last: int | None = None, start: bool = False
+        self, first_row: int = 0, end_row: int | None = None, at_start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
-        `start`."""
-        end_lists = zip(*(part.bonds(first, last, start) for part in self.parts), strict=True)
+        """Source and target rows (k,) of the intact bonds of nodes `first_row` to `end_row` - 1, or of those at the
+        start, if `at_start`."""
+        end_lists = zip(*(part.bonds(first_row, end_row, at_start) for part in self.parts), strict=True)
         source, target = (np.concatenate(ends) for ends in end_lists)
         order = np.lexsort((target, source))
         return source[order], target[order]
 
-    def broken(self, after: int = 0) -> Broken:
+    def broken(self, after_step: int = 0) -> Broken:
         """The bonds broken after a step, part by part."""
-        column_lists = zip(*(part.broken(after) for part in self.parts), strict=True)
+        column_lists = zip(*(part.broken(after_step) for part in self.parts), strict=True)
         return Broken(*(np.concatenate(columns) for columns in column_lists))
 
     def checkpoint_arrays(self) -> CheckpointArrays:
@@ -85,7 +85,7 @@ class Together:
         nodes, is_found = len(self.stiffness_bound()), np.zeros(len(broken.step), dtype=np.bool_)
         broken_keys = broken.source * nodes + broken.target
         for k, part in enumerate(self.parts):
-            source, target = part.bonds(start=True)
+            source, target = part.bonds(at_start=True)
             of_part = np.isin(broken_keys, source * nodes + target)
             mine = {
                 name.removeprefix(f"{k}_"): values for name, values in checkpoint.items() if name.startswith(f"{k}_")

@@ -22,11 +22,11 @@ class UnbreakableOperator:
         return {}
 
     def bonds(
-        self, first: int = 0, last: int | None = None, start: bool = False
+        self, first_row: int = 0, end_row: int | None = None, at_start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """No bonds: source and target rows (0,)."""
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
 
-    def broken(self, after: int = 0) -> Broken:
+    def broken(self, after_step: int = 0) -> Broken:
         """No broken bonds."""
         return Broken(*np.zeros((3, 0), dtype=np.int64))

@@ -28,7 +28,7 @@ FRAMES = 50  # of the motion
 ENTRIES = 500  # of its ledger
 
 
-def motion_results_file(path_results_file: Path) -> Path:
+def results_file_of_motion_after_equilibrium_path(path_results_file: Path) -> Path:
     """The file of the motion after the path in the file `path_results_file`."""
     return path_results_file.with_name(f"{path_results_file.stem}_motion{path_results_file.suffix}")
 
@@ -40,7 +40,7 @@ def needs_motion_after_path(path_results: Results) -> bool:
     return model_of(path_results.model(), path_results.name).settings.run.after == "motion"
 
 
-def prepare_motion_after_path(path_results: Results, threads: int | None) -> tuple[PreparedRun, int]:
+def prepare_motion_after_equilibrium_path(path_results: Results, threads: int | None) -> tuple[PreparedRun, int]:
     """The motion after a path that it follows, and the last step of the path. Raises ModelError, ResultsError."""
     step, checkpoint = path_results.checkpoint()
     options = Options(path_results.meta()["mode"], "float64", threads, "listed")

@@ -30,7 +30,7 @@ from pdsolve.run.operator_factory import (
     add_penalty_contact,
     compute_stable_time_step,
     make_operator,
-    split_into_marched_bonds_and_contact,
+    split_into_lattice_bonds_and_contact,
 )
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes.scheme import Scheme
@@ -144,7 +144,7 @@ def make_stepper(
     """
     if isinstance(operator, NodesOnDevice):
         return StepsOnDevice((operator, state, drive), rho, time_step, damping_rates)
-    bonds, contact = split_into_marched_bonds_and_contact(operator)
+    bonds, contact = split_into_lattice_bonds_and_contact(operator)
     if bonds is not None:
         return LatticeMarch(bonds, drive, rho, time_step, damping_rates, contact, ghosts)
     return Verlet(operator, drive, rho, time_step, damping_rates, ghosts)

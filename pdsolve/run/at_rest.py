@@ -35,7 +35,11 @@ from pdsolve.steppers.newton import FACTORED, FACTORED_IN, Newton
 from pdsolve.steppers.paris_steps import ParisSteps
 from pdsolve.steppers.path_steps import SofteningPathSteps
 from pdsolve.steppers.relaxation import DynamicRelaxation
-from pdsolve.steppers.static_loads import follows_arc_length, follows_crack_length, follows_softening_path
+from pdsolve.steppers.static_loads import (
+    uses_arc_length_control,
+    uses_crack_length_control,
+    uses_softening_path_control,
+)
 
 MOST_ALONG_PATH = {2: FACTORED, 3: 10_000}  # free components by dimension: factors of 5800 in space take 0.5 GB
 
@@ -46,7 +50,7 @@ def prepare_quasi_static_run(
     """A model in load steps, to be solved at rest; `bonds_may_break`: whether its bonds break. Raises ModelError."""
     grows = bonds_may_break and model.settings.run.cracks == "particles"
     bonds_may_break = bonds_may_break and not grows
-    if bonds_may_break and follows_softening_path(model):
+    if bonds_may_break and uses_softening_path_control(model):
         return _prepare_softening_equilibrium_path(model, options, scheme)
     law, all_bonds, static = law_of(model), scheme.fill(model), model.settings.run.static
     of_families = (
@@ -75,7 +79,7 @@ def prepare_quasi_static_run(
     breaking = FamilyBonds(bonds) if of_families and isinstance(bonds, BondList) else breakable
     remember = {"on_equilibrium": bonds.update_history} if isinstance(bonds, BondList) else {}
     growth = make_crack_particle_growth(model, bonds, filling, driven, None) if grows else None
-    fatigue, look = model.settings.run.fatigue, growth.look if growth and not follows_crack_length(model) else None
+    fatigue, look = model.settings.run.fatigue, growth.look if growth and not uses_crack_length_control(model) else None
     stepper = LoadSteps(model, operator, driven, area, method, breaking, None if fatigue else look, **remember)
     step = float(model.settings.run.time_step or 0.0)
     bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), model.rho)
@@ -88,11 +92,11 @@ def prepare_quasi_static_run(
             raise ModelError(f"{model.name}: $.run.fatigue: no bond may break; let some tire")
         fatigue_steps = BondFatigueSteps(fatigue, operator, stepper, breakable, *filled[1:])
         system = replace(system, stepper=fatigue_steps)
-    if bonds_may_break and follows_arc_length(model):
+    if bonds_may_break and uses_arc_length_control(model):
         _refuse_body_too_large_for_path(model, driven)
         arc = ArcLengthSteps(model, operator, driven, area, breaking, **remember, has_plastic_flow=flows)
         system = replace(system, stepper=arc)
-    if growth is not None and follows_crack_length(model):
+    if growth is not None and uses_crack_length_control(model):
         system = replace(system, stepper=CrackLengthSteps(model, operator, driven, area, stepper, growth))
     return PreparedRun(system, state)
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
-from pdsolve.adaptivity.hybrid.space.prepare import create_current_drive
+from pdsolve.adaptivity.hybrid.space.prepare import create_conditions_of_current_nodes
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.run.assembly import assemble_system
@@ -21,7 +21,7 @@ from pdsolve.run.system import PreparedRun, System
 from pdsolve.state import State, zero_state
 
 
-class BodyRefinement:
+class BodyCellRefinement:
     """Makes cells fine around broken bonds and stretched springs; its history is stored in the operator."""
 
     steps_between_checks = EVERY
@@ -54,7 +54,7 @@ class BodyRefinement:
             + half_kick_work_of_acceleration_error(fresh, new_state, pull, which)
         )
         after.history = after.history._replace(refinement_energy=after.history.refinement_energy + energy_created)
-        return SystemAfterNodeChange(fresh, new_state, _previous_rows_with_same_bonds(system, fresh, rows))
+        return SystemAfterNodeChange(fresh, new_state, _previous_row_of_nodes_with_same_bonds(system, fresh, rows))
 
     def zone_summary(self, system: System) -> ZoneSummary:
         """Summary of the fine cells."""
@@ -64,7 +64,7 @@ class BodyRefinement:
         """The whole zone summary, as of a plate with a moving zone."""
         return {"hybrid": zone_summary._asdict()}
 
-    def restore_system(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
+    def create_system_with_checkpoint_nodes(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
         """The system of a checkpoint's cells. Raises CheckpointError for cells that no run from here can have."""
         after = expect_body_zone_operator(initial_system).operator_with_checkpoint_cells(checkpoint)
         if not np.array_equal(after.current_nodes_model.grid.ids, checkpoint["ids"]):
@@ -81,7 +81,10 @@ def expect_body_zone_operator(system: System) -> HybridBodyOperator:
 
 def _system_with_refined_operator(system: System, operator: HybridBodyOperator, step: int) -> System:
     """The system of other nodes."""
-    steps, driven = (system.time_step, system.stable_time_step), create_current_drive(operator, step * system.time_step)
+    steps, driven = (
+        (system.time_step, system.stable_time_step),
+        create_conditions_of_current_nodes(operator, step * system.time_step),
+    )
     prepared = assemble_system(
         operator.current_nodes_model,
         system.options,
@@ -94,7 +97,7 @@ def _system_with_refined_operator(system: System, operator: HybridBodyOperator, 
     return dataclasses.replace(prepared.system, full_model=system.full_model, regridder=system.regridder)
 
 
-def _previous_rows_with_same_bonds(
+def _previous_row_of_nodes_with_same_bonds(
     old_system: System, new_system: System, previous_rows: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """The `previous_rows` (m,) before of nodes that keep their cell and their bonds; -1 for others."""

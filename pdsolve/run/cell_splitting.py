@@ -12,9 +12,9 @@ from pdsolve.adaptivity.quadtree import criteria
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds, update_leaf_bonds
 from pdsolve.adaptivity.quadtree.inherited_cracks import PreviousBonds, inherit_break_steps
 from pdsolve.adaptivity.quadtree.interpolation import interpolate_state
-from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, map_leaves
+from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, leaves_after_split_and_merge
 from pdsolve.adaptivity.quadtree.operator import LeafHistory, QuadtreeOperator, read_leaf_history
-from pdsolve.adaptivity.quadtree.tree import Cells, Tree
+from pdsolve.adaptivity.quadtree.tree import Quadtree, QuadtreeCells
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import put_loads
 from pdsolve.errors import CheckpointError, UnstableError
@@ -32,7 +32,7 @@ from pdsolve.steppers.equilibrium import force_densities
 class CellSplitting:
     """Splits and merges the cells of a run; its history is stored in the operator."""
 
-    def __init__(self, tree: Tree) -> None:
+    def __init__(self, tree: Quadtree) -> None:
         """`tree` has the cells that can split."""
         self.tree = tree
         self.settings = tree.model.settings.run.split
@@ -45,7 +45,7 @@ class CellSplitting:
         energy = old_operator.energies(state)[0]
         before = PreviousBonds(old_operator.all_bonds, old_operator.columns.broken)
         if wanted.by == "energy":
-            height = criteria.relative_energy_densities(self.tree, old_operator.cells, energy, self._critical)
+            height = criteria.energy_densities_over_largest(self.tree, old_operator.cells, energy, self._critical)
         else:
             height = criteria.largest_relative_stretches(
                 self.tree, old_operator.cells, old_operator.all_bonds, before.break_steps, state.value
@@ -59,12 +59,12 @@ class CellSplitting:
             )
         )
         splits = criteria.mask_leaves_to_split(self.tree, leaf_states, wanted.threshold)
-        merged = criteria.list_cells_to_merge(
+        merged = criteria.list_parents_to_merge(
             self.tree, leaf_states, old_operator.history.checks_below_threshold >= wanted.hold, splits, wanted.threshold
         )
         if not splits.any() and not len(merged.root_row):
             return None
-        cells, origins = map_leaves(self.tree, old_operator.cells, splits, merged)
+        cells, origins = leaves_after_split_and_merge(self.tree, old_operator.cells, splits, merged)
         new, begun = self._prepare_run_with_cells(system, cells, origins)
         operator = expect_quadtree_operator(new)
         operator.columns.broken[:] = inherit_break_steps(before, operator.all_bonds, origins)
@@ -92,7 +92,9 @@ class CellSplitting:
         same = origins.is_unchanged & ~changed & ~lost[origin] & (system.family_sizes[origin] == new.family_sizes)
         return SystemAfterNodeChange(new, begun, np.where(same, origin, -1))
 
-    def _prepare_run_with_cells(self, system: System, cells: Cells, origins: LeafOrigins | None = None) -> PreparedRun:
+    def _prepare_run_with_cells(
+        self, system: System, cells: QuadtreeCells, origins: LeafOrigins | None = None
+    ) -> PreparedRun:
         """The system of these leaves at rest; `origins` is their origin, if any.
 
         Raises UnstableError if the run's step is too long for it.
@@ -124,10 +126,10 @@ class CellSplitting:
         """The energy that splitting and merging created, and the share of split cells."""
         return {"split": {"refinement": zone_summary.refinement, "fine_share": zone_summary.fine_share}}
 
-    def restore_system(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
+    def create_system_with_checkpoint_nodes(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
         """The system of a checkpoint's cells. Raises CheckpointError for ids that are no set of leaves."""
         ids = entry(checkpoint, "ids", (None,), np.int64)
-        memory, cells = read_leaf_history(checkpoint, len(ids)), self.tree.leaves_of_ids(ids)
+        memory, cells = read_leaf_history(checkpoint, len(ids)), self.tree.leaves_with_node_ids_or_none(ids)
         if cells is None:
             raise CheckpointError("ids of cells are no whole plate; they must be those of its leaves in order")
         prepared = self._prepare_run_with_cells(initial_system, cells)

@@ -25,14 +25,14 @@ from pdsolve.numerics.memory import aligned
 from pdsolve.options import Options, threads_of
 from pdsolve.run.assembly import choose_time_step
 from pdsolve.run.operator_factory import (
-    BondArrangement,
-    bond_arrangement,
+    BondLayout,
+    bond_layout_of_operator,
     compute_stable_time_step,
-    count_bonds_and_bound_stiffness,
+    count_bonds_and_compute_stiffness_bound,
     stable_time_step_from_stiffness_bound,
 )
 from pdsolve.run.prepare import prepare, select_scheme
-from pdsolve.run.static_start import prepare_static_equilibrium_at_start
+from pdsolve.run.static_start import prepare_quasi_static_model_of_start
 from pdsolve.run.system import System
 from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 from pdsolve.steppers.crack_length_steps import CrackLengthSteps
@@ -136,18 +136,16 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     along_path = False
     paired &= not splits  # which is listed bond by bond
     prepared = (
-        prepare_static_equilibrium_at_start(model, options, scheme).system if settings.run.start == "static" else None
+        prepare_quasi_static_model_of_start(model, options, scheme).system if settings.run.start == "static" else None
     )
-    summed: BondArrangement = (
-        "blocks" if paired and model.grid.dimension == 2 and (moves or not model.swells) else "listed"
-    )
+    summed: BondLayout = "blocks" if paired and model.grid.dimension == 2 and (moves or not model.swells) else "listed"
     if prepared is not None and not moves:
-        summed = bond_arrangement(prepared.operator) if paired and summed == "listed" else summed
+        summed = bond_layout_of_operator(prepared.operator) if paired and summed == "listed" else summed
         count, family = prepared.initial_bond_counts, prepared.family_sizes
         bound = compute_stable_time_step(model, prepared.operator)
         step = choose_time_step(model, bound)
     elif paired and not (moves or model.swells) and settings.run.solver != "static":
-        counts, stiffness_bound, summed = count_bonds_and_bound_stiffness(model, options, scheme)
+        counts, stiffness_bound, summed = count_bonds_and_compute_stiffness_bound(model, options, scheme)
         count, family = counts.bonds, counts.family
         bound = stable_time_step_from_stiffness_bound(stiffness_bound, model.rho)
         step = choose_time_step(model, bound)
@@ -156,7 +154,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         model = system.model
         if system.coupled_runs and settings.run.solver != "static":
             cycle = cast("Swelling", system.stepper).steps_per_content_step
-        summed = bond_arrangement(system.operator) if paired and summed == "listed" else summed
+        summed = bond_layout_of_operator(system.operator) if paired and summed == "listed" else summed
         count, family, settings = system.initial_bond_counts, system.family_sizes, system.model.settings
         bound, step = system.stable_time_step, system.time_step
         along_path = isinstance(system.stepper, ArcLengthSteps | CrackLengthSteps | SofteningPathSteps)

@@ -39,7 +39,7 @@ def compute_displacement_range(u: NDArray[np.floating]) -> DisplacementRange:
     return DisplacementRange(least, most, u.dtype.name)
 
 
-class MotionChecks:
+class InversionAndPrecisionChecks:
     """Checks the motion of a run from time to time; gives each warning once."""
 
     def __init__(
@@ -87,7 +87,7 @@ class MotionChecks:
         """The smallest spacing, and the lengthening that breaks or softens a bond, m."""
         return self._smallest, self._breaking
 
-    def set_spacing_and_elongation(
+    def set_smallest_spacing_and_breaking_elongation_of_ranks(
         self, spacings_and_elongations: Sequence[tuple[float, float]], local_rows: slice
     ) -> None:
         """Take these lengths of all ranks as known, and look at the triangles of `local_rows` alone."""

@@ -65,11 +65,13 @@ class EnergyBalanceRow(NamedTuple):
 
 
 def compute_energy_balance_row(
-    system: System, state: State, step: int, bond_state: NodeEnergiesAndBreaks | None = None
+    system: System, state: State, step: int, energies_and_breaks: NodeEnergiesAndBreaks | None = None
 ) -> EnergyBalanceRow:
-    """The ledger entry after `step`, in double precision and the nodes' order; `bond_state` is that of this state, if
-    known."""
-    strain, softened, broken = bond_state or compute_node_energies_and_breaks(system, state)
+    """The ledger entry after `step`, in double precision and the nodes' order.
+
+    `energies_and_breaks` is that of this state, if known.
+    """
+    strain, softened, broken = energies_and_breaks or compute_node_energies_and_breaks(system, state)
     if system.moving_zone_operator is not None:
         sums = system.moving_zone_operator.energy_balance_totals()._asdict()
         zone = system.moving_zone_operator.zone_summary()._asdict()
@@ -128,9 +130,9 @@ def compute_node_damage(system: System, broken: Broken | None = None) -> NDArray
 
 
 def compute_output_fields(
-    system: System, state: State, field_names: Iterable[str], bond_state: NodeEnergiesAndBreaks | None = None
+    system: System, state: State, field_names: Iterable[str], energies_and_breaks: NodeEnergiesAndBreaks | None = None
 ) -> dict[str, NDArray[np.floating]]:
-    """Fields (n,) of these names at a state; `bond_state` is that of this state, if known."""
+    """Fields (n,) of these names at a state; `energies_and_breaks` is that of this state, if known."""
     columns: dict[str, NDArray[np.floating]] = {}
     chosen, usual_ones = tuple(field_names), () if system.transport else usual(system.model.grid.dimension)
     operator_fields: dict[str, NDArray[np.float64]] = {}
@@ -145,9 +147,11 @@ def compute_output_fields(
         chosen = (*usual_ones, *operator_fields)
     for name in chosen:
         if name == "damage":
-            columns[name] = compute_node_damage(system, bond_state and bond_state.broken_bonds)
+            columns[name] = compute_node_damage(system, energies_and_breaks and energies_and_breaks.broken_bonds)
         elif name == "energy":
-            columns[name] = bond_state.strain_energy_density if bond_state else system.operator.energies(state)[0]
+            columns[name] = (
+                energies_and_breaks.strain_energy_density if energies_and_breaks else system.operator.energies(state)[0]
+            )
         elif name in operator_fields:
             columns[name] = operator_fields[name]
         else:
@@ -156,13 +160,13 @@ def compute_output_fields(
     return columns
 
 
-def count_bodies(system: System) -> int:
+def count_initially_separate_bodies(system: System) -> int:
     """Number of bodies, which no bond joins from the start."""
     named = system.model.grid.bodies
     return 1 if named is None else len(named.names)
 
 
-def count_pieces(system: System) -> int:
+def count_fragments(system: System) -> int:
     """Number of pieces of the plate: connected components of intact bonds without cracked nodes."""
     sound = compute_node_damage(system) <= CRACKED
     source, target = system.operator.bonds()

@@ -13,10 +13,10 @@ from pdsolve.checks import closing, warn_of_created_energy, warn_of_damping, war
 from pdsolve.errors import UnstableError
 from pdsolve.laws.material_checks import negative_secants
 from pdsolve.results import FrameRecord, Results
-from pdsolve.run.inversion_checks import MotionChecks
+from pdsolve.run.inversion_checks import InversionAndPrecisionChecks
 from pdsolve.run.measures import EnergyBalanceRow, NodeEnergiesAndBreaks, compute_energy_balance_row
 from pdsolve.run.operator_factory import compute_stable_time_step_of_intact_bonds
-from pdsolve.run.reactions import Reaction, compute_reactions, list_acting_conditions
+from pdsolve.run.reactions import ConditionForceRow, compute_condition_forces, list_force_conditions_with_nodes
 from pdsolve.run.system import System
 from pdsolve.state import State
 
@@ -27,14 +27,19 @@ class MechanicsRecords:
     """The records of one motion; see `pdsolve.run.physics_records.PhysicsRecords`."""
 
     def __init__(
-        self, system: System, state: State, step: int, bond_state: NodeEnergiesAndBreaks, past_results: Results | None
+        self,
+        system: System,
+        state: State,
+        step: int,
+        energies_and_breaks: NodeEnergiesAndBreaks,
+        past_results: Results | None,
     ) -> None:
         """`past_results` are those of a resumed run after `step`, else None."""
         self._initialize_records(system, step, past_results)
-        self._motion_checks: MotionChecks | None = None
+        self._motion_checks: InversionAndPrecisionChecks | None = None
         self._given = False, False
         self._find_monitored_nodes()
-        self.last = compute_energy_balance_row(system, state, step, bond_state)
+        self.last = compute_energy_balance_row(system, state, step, energies_and_breaks)
         self._heat_energy = self._compute_clamped_swelling_energy(state)
 
     def _initialize_records(self, system: System, step: int, past_results: Results | None) -> None:
@@ -47,7 +52,7 @@ class MechanicsRecords:
             self._largest_work = float(np.abs(done["work"][done["step"] <= step]).max(initial=0.0))
         self._balance_rows: list[EnergyBalanceRow] = []
         self._probes: list[tuple[float, ...]] = []
-        self._reactions: list[Reaction] = []
+        self._reactions: list[ConditionForceRow] = []
 
     def _compute_clamped_swelling_energy(self, state: State) -> float:
         """What heat can do at most, J/m, against which little is round-off; 0 without it."""
@@ -63,9 +68,11 @@ class MechanicsRecords:
         """Find the nodes of conditions and probes among the current nodes."""
         model, run = self._system.model, self._system.model.settings.run
         probes = [*run.probes, *(end for gap in run.gaps for end in gap.ends)]
-        self._acting_conditions = list_acting_conditions(self._system)
+        self._force_conditions = list_force_conditions_with_nodes(self._system)
         self._probed = model.grid.nearest(probes)[1].tolist() if probes else []
-        self._motion_checks = MotionChecks(model, partial(self._system.operator.bonds, start=True), self._given)
+        self._motion_checks = InversionAndPrecisionChecks(
+            model, partial(self._system.operator.bonds, at_start=True), self._given
+        )
         self._nodes_are_current = True
 
     @property
@@ -87,18 +94,18 @@ class MechanicsRecords:
             text += f", clipped stretch {fine.clipped_stretch:.2f}" if fine.clipped_stretch else ""
         return text
 
-    def evaluate_balance(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
+    def evaluate_balance(self, state: State, step: int, energies_and_breaks: NodeEnergiesAndBreaks) -> None:
         """Evaluate the balance at this step, unless it is the last entry."""
         if self.last.step != step:
-            self.last = compute_energy_balance_row(self._system, state, step, bond_state)
+            self.last = compute_energy_balance_row(self._system, state, step, energies_and_breaks)
             self._heat_energy = self._compute_clamped_swelling_energy(state)
 
-    def record_step(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
+    def record_step(self, state: State, step: int, energies_and_breaks: NodeEnergiesAndBreaks) -> None:
         """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
         if not self._nodes_are_current:
             self._find_monitored_nodes()
         system = self._system
-        self.evaluate_balance(state, step, bond_state)
+        self.evaluate_balance(state, step, energies_and_breaks)
         if self._is_unstable(self.last, bool(np.isfinite(state.value).all())):
             finite = np.isfinite(state.value).all(axis=1)
             worst = int((~finite).argmax() if not finite.all() else np.abs(state.rate).sum(axis=1).argmax())
@@ -107,7 +114,7 @@ class MechanicsRecords:
         self._largest_work = max(self._largest_work, abs(self.last.work))
         assert self._motion_checks is not None
         self._motion_checks.warn_of_inversion_or_imprecision(
-            state.value[:, : system.model.grid.dimension], bond_state.broken_bonds, step
+            state.value[:, : system.model.grid.dimension], energies_and_breaks.broken_bonds, step
         )
         if self._flows:
             from pdsolve.run.plastic_checks import warn_if_plastic_strain_is_large  # few bodies flow
@@ -124,7 +131,7 @@ class MechanicsRecords:
                     *list_node_displacement_velocity_acceleration(state, row, system.model.grid.dimension),
                 )
             )
-        self._reactions += compute_reactions(self._acting_conditions, system, state, step, self.last.time)
+        self._reactions += compute_condition_forces(self._force_conditions, system, state, step, self.last.time)
 
     def _is_unstable(self, balance_row: EnergyBalanceRow, values_are_finite: bool) -> bool:
         """Whether energy is created, or values are not `values_are_finite`."""

@@ -33,7 +33,7 @@ class NodeAdaptation(Protocol):
     def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
         """The nodes after `step`, a multiple of `steps_between_checks`; None if they stay."""
 
-    def restore_system(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
+    def create_system_with_checkpoint_nodes(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
         """The system of a checkpoint with the nodes `checkpoint["ids"]`, in that order.
 
         `initial_system` is that of the start. The caller restores state, loads and broken bonds.
@@ -50,17 +50,19 @@ class Regridder(NodeAdaptation, Protocol):
         """Entries for the summary of the results."""
 
 
-def find_zone_change_since_last_call(system: System, with_state: bool = True) -> SystemAfterNodeChange | None:
+def create_system_if_zone_changed(system: System, with_state: bool = True) -> SystemAfterNodeChange | None:
     """The nodes of a moving fine zone if they have changed since the last call; else None.
 
     Without `with_state`, that of the change is of no nodes.
     """
     assert system.moving_zone_operator is not None
-    before, shown = system.moving_zone_operator, system.moving_zone_operator.operator_if_changed()
+    before, shown = system.moving_zone_operator, system.moving_zone_operator.new_operator_if_nodes_changed()
     if shown is None:
         return None
     row = np.minimum(np.searchsorted(before.places, shown.places), len(before.places) - 1)
-    same = (before.places[row] == shown.places) & (before.node_signatures[row] == shown.node_signatures)
+    same = (before.places[row] == shown.places) & (
+        before.node_and_bond_signatures[row] == shown.node_and_bond_signatures
+    )
     return SystemAfterNodeChange(
         system_with_moved_zone(system, shown),
         shown.state() if with_state else zero_state(0, 2),
@@ -68,11 +70,11 @@ def find_zone_change_since_last_call(system: System, with_state: bool = True) ->
     )
 
 
-def restore_system_with_moving_zone(initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
+def create_system_with_checkpoint_zone(initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
     """The system of a checkpoint, for a run that began as `initial_system`."""
     assert initial_system.moving_zone_operator is not None
     initial_system.moving_zone_operator.restore(checkpoint, initial_system.moving_zone_operator.broken())
-    change = find_zone_change_since_last_call(initial_system)
+    change = create_system_if_zone_changed(initial_system)
     return (
         PreparedRun(initial_system, initial_system.moving_zone_operator.state())
         if change is None

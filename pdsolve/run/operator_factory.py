@@ -68,7 +68,7 @@ def make_operator(
     bonds = listed(statistics.parts(), bond_source.area).bonds
     counted = statistics.counted(bond_source.area)
     of = law, model, bonds, scheme.symmetric, options.precision, threads
-    layout = _make_family_layout(law, model, bonds, bond_source.area, threads) if blocked else None
+    layout = _choose_family_layout_function(law, model, bonds, bond_source.area, threads) if blocked else None
     if layout is not None:
         return FamilyLattice(*of, layout), counted
     if options.kernel == "blocks":
@@ -79,7 +79,7 @@ def make_operator(
     return BondList(*of), counted
 
 
-def _make_family_layout(
+def _choose_family_layout_function(
     law: Law, model: Model, bonds: Bonds, volume: NDArray[np.float64], threads: int
 ) -> Callable[[Tabled, np.dtype[Any]], FamiliesInBlocks | FamiliesInTiles] | None:
     """What lays out families in tiles, else in blocks; None for a law without tuples, or nodes on no lattice."""
@@ -115,7 +115,7 @@ def _make_device_operator(
     """The operator of bonds that are in no tiles on a device. Raises ModelError."""
     if law.lanes is not None:  # a law of families
         bonds = listed(statistics.parts(), bond_source.area).bonds
-        layout = _make_family_layout(law, model, bonds, bond_source.area, 1)
+        layout = _choose_family_layout_function(law, model, bonds, bond_source.area, 1)
         if layout is None:
             raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
         families = FamiliesOnDevice(law, model, bonds, scheme.symmetric, options.precision, 1, layout)
@@ -164,7 +164,7 @@ def add_quasi_static_contact(
     return Together(contact, bond_operator), contact
 
 
-def choose_kernel_for_swelling(model: Model, options: Options) -> Options:
+def options_with_kernel_for_swelling(model: Model, options: Options) -> Options:
     """The options of a kernel that knows what swells: blocks in motion, of laws that they can sum so; else the list.
 
     Raises ModelError where the options exclude it.
@@ -185,7 +185,7 @@ def unwrap_bond_operator(operator: Operator) -> Operator:
     return operator
 
 
-def split_into_marched_bonds_and_contact(operator: Operator) -> tuple[MarchedBonds | None, PenaltyContact | None]:
+def split_into_lattice_bonds_and_contact(operator: Operator) -> tuple[MarchedBonds | None, PenaltyContact | None]:
     """The bonds on lattices of an operator, if they are all there is of it but for contact; and that."""
     contact, bonds = None, operator
     if isinstance(operator, Together) and len(operator.parts) == 2 and isinstance(operator.parts[0], PenaltyContact):
@@ -195,12 +195,12 @@ def split_into_marched_bonds_and_contact(operator: Operator) -> tuple[MarchedBon
     return (MarchedTiles(bonds) if isinstance(bonds, TileLattice) else None), contact
 
 
-BondArrangement = Literal["tiles", "blocks", "listed"]  # where the bonds of a pair law are
+BondLayout = Literal["tiles", "blocks", "listed"]  # where the bonds of a pair law are
 
 
-def count_bonds_and_bound_stiffness(
+def count_bonds_and_compute_stiffness_bound(
     model: Model, options: Options, scheme: Scheme
-) -> tuple[Counted, NDArray[np.float64], BondArrangement]:
+) -> tuple[Counted, NDArray[np.float64], BondLayout]:
     """Numbers (n,) of the bonds of a pair law, the bound (n,) of their stiffness, N/m^4, and where they will be."""
     tiles = _make_bond_tiles_if_possible(model, options, scheme, False)
     if tiles is not None:
@@ -213,7 +213,7 @@ def count_bonds_and_bound_stiffness(
     return statistics.counted(filling.area), bound, "blocks" if in_blocks else "listed"
 
 
-def bond_arrangement(operator: Operator) -> BondArrangement:
+def bond_layout_of_operator(operator: Operator) -> BondLayout:
     """Where the bonds of a pair law are that this operator sums."""
     bonds = unwrap_bond_operator(operator)
     return "tiles" if isinstance(bonds, TileLattice) else "blocks" if bonds.name == "blocks" else "listed"

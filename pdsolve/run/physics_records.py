@@ -27,10 +27,10 @@ class PhysicsRecords(Protocol):
     def switch_system(self, system: System) -> None:
         """Continue with changed nodes."""
 
-    def evaluate_balance(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
+    def evaluate_balance(self, state: State, step: int, energies_and_breaks: NodeEnergiesAndBreaks) -> None:
         """Evaluate the balance at this step, without recording it."""
 
-    def record_step(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
+    def record_step(self, state: State, step: int, energies_and_breaks: NodeEnergiesAndBreaks) -> None:
         """Record this step. Raises UnstableError."""
 
     def move_records_into(self, frame: FrameRecord) -> FrameRecord:
@@ -77,17 +77,17 @@ class CoupledRecords:
         """Go on with other nodes."""
         self._motion.switch_system(system)
 
-    def evaluate_balance(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
+    def evaluate_balance(self, state: State, step: int, energies_and_breaks: NodeEnergiesAndBreaks) -> None:
         """Make the last entries those of this step, without noting them."""
-        self._motion.evaluate_balance(state, step, bond_state)
+        self._motion.evaluate_balance(state, step, energies_and_breaks)
         for records, prepared in self._others:
-            records.evaluate_balance(prepared.state, step, bond_state)
+            records.evaluate_balance(prepared.state, step, energies_and_breaks)
 
-    def record_step(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks) -> None:
+    def record_step(self, state: State, step: int, energies_and_breaks: NodeEnergiesAndBreaks) -> None:
         """Note this step. Raises UnstableError."""
-        self._motion.record_step(state, step, bond_state)
+        self._motion.record_step(state, step, energies_and_breaks)
         for records, prepared in self._others:
-            records.record_step(prepared.state, step, bond_state)
+            records.record_step(prepared.state, step, energies_and_breaks)
 
     def move_records_into(self, frame: FrameRecord) -> FrameRecord:
         """The frame with what was noted since the last one."""

@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.factory import create_zone_operator_and_stable_step
 from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.hybrid.space.prepare import create_body_operator, create_current_drive
+from pdsolve.adaptivity.hybrid.space.prepare import create_body_operator, create_conditions_of_current_nodes
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds
-from pdsolve.adaptivity.quadtree.operator import SURE, QuadtreeOperator, create_tree
+from pdsolve.adaptivity.quadtree.operator import SURE, QuadtreeOperator, create_quadtree
 from pdsolve.adaptivity.two_lattice_operator import TwoLatticeStepper
 from pdsolve.checks import refuse_combinations, refuse_numbers
 from pdsolve.conditions import constrained_components, damping, initial_velocity, refuse_layers
@@ -32,14 +32,14 @@ from pdsolve.run.assembly import (
     set_initial_velocity_and_acceleration,
 )
 from pdsolve.run.at_rest import prepare_quasi_static_run
-from pdsolve.run.body_zones import BodyRefinement
+from pdsolve.run.body_zones import BodyCellRefinement
 from pdsolve.run.cell_splitting import CellSplitting
 from pdsolve.run.operator_factory import (
-    choose_kernel_for_swelling,
+    options_with_kernel_for_swelling,
     stable_time_step_from_stiffness_bound,
     unwrap_bond_operator,
 )
-from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone, broken_bonds_of_plate
+from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone, broken_bonds_by_grid_rows
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
@@ -127,7 +127,7 @@ def _prepare_swelling_motion(model: Model, options: Options, scheme: Scheme) -> 
     """A model of a motion that a content swells. Raises ModelError for what cannot be solved so."""
     if model.settings.run.adapt == "hybrid":
         return _prepare_swelling_plate_with_zone(model, options, scheme)
-    options, rests = choose_kernel_for_swelling(model, options), model.settings.run.solver == "static"
+    options, rests = options_with_kernel_for_swelling(model, options), model.settings.run.solver == "static"
     if rests:
         model = quasi_static_swelling_model(model)
         system, state = prepare_quasi_static_run(model.moving_part(), options, scheme)
@@ -168,7 +168,7 @@ def _prepare_swelling_plate_with_zone(model: Model, options: Options, scheme: Sc
     assert transport is not None
     cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
     marches = ForwardEuler(transport.operator, transport.drive, cycle * system.time_step)
-    broken_now = partial(broken_bonds_of_plate, operator.engine)
+    broken_now = partial(broken_bonds_by_grid_rows, operator.engine)
     broken = None if medium.broken == 1 else BrokenBonds(transport, broken_now, medium.broken)
     stepper = SwellingStepperWithFineZone(marches, content.state, operator, model, cycle, broken)
     energy = system.initial_energy + operator.engine.strain_energy()
@@ -203,7 +203,7 @@ def _prepare_plate_with_moving_zone(model: Model, options: Options, scheme: Sche
 
 def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A prepared model whose cells can split; none has yet. Raises ModelError for an unsupported one."""
-    tree = create_tree(model, options.kernel)
+    tree = create_quadtree(model, options.kernel)
     cells = tree.roots()
     now = tree.model_of_leaves(cells)
     bonds, threads = create_leaf_bonds(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)
@@ -224,10 +224,10 @@ def _prepare_body_with_moving_zone(model: Model, options: Options, scheme: Schem
     options = options._replace(threads=threads)
     now = operator.current_nodes_model
     bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), now.rho)
-    steps, driven = (choose_time_step(model, bound), bound), create_current_drive(operator, 0.0)
+    steps, driven = (choose_time_step(model, bound), bound), create_conditions_of_current_nodes(operator, 0.0)
     rest = assemble_system(now, options, scheme, operator, operator.volumes_and_bond_counts, *steps, conditions=driven)
     prepared = _set_initial_velocity(rest, model, initial_velocity(model)[operator.rows])
-    return prepared._replace(system=replace(prepared.system, regridder=BodyRefinement()))
+    return prepared._replace(system=replace(prepared.system, regridder=BodyCellRefinement()))
 
 
 def _set_initial_velocity(

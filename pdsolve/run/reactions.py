@@ -19,7 +19,7 @@ RIGID = str(RigidBody.__struct_config__.tag)
 GROUND = tuple(str(kind.__struct_config__.tag) for kind in (Spring, Pin))
 
 
-class ActingCondition(NamedTuple):
+class ForceConditionWithNodes(NamedTuple):
     """A condition that acts throughout a run, and its nodes."""
 
     condition_number: int  # in the model's list of conditions
@@ -27,7 +27,7 @@ class ActingCondition(NamedTuple):
     node_rows: NDArray[np.int64]  # of the grid
 
 
-class Reaction(NamedTuple):
+class ConditionForceRow(NamedTuple):
     """Force and displacement of a condition at a step, per unit thickness."""
 
     step: int
@@ -42,10 +42,12 @@ class Reaction(NamedTuple):
     displacement_z: float = 0.0
 
 
-def list_acting_conditions(system: System) -> tuple[ActingCondition, ...]:
+def list_force_conditions_with_nodes(system: System) -> tuple[ForceConditionWithNodes, ...]:
     """All conditions with forces, in the model's order, which is that of the profiles of `Drive`."""
     return tuple(
-        ActingCondition(number, str(condition.__struct_config__.tag), _find_nodes_of_condition(system, condition))
+        ForceConditionWithNodes(
+            number, str(condition.__struct_config__.tag), _find_nodes_of_condition(system, condition)
+        )
         for number, condition in enumerate(system.requested_model.settings.conditions)
         if isinstance(condition, Driving)
     )
@@ -61,9 +63,9 @@ def _find_nodes_of_condition(system: System, condition: Selection) -> NDArray[np
     return np.array([lengths(grid.position - place).argmin()])
 
 
-def compute_reactions(
-    conditions: tuple[ActingCondition, ...], system: System, state: State, step: int, time: float
-) -> list[Reaction]:
+def compute_condition_forces(
+    conditions: tuple[ForceConditionWithNodes, ...], system: System, state: State, step: int, time: float
+) -> list[ConditionForceRow]:
     """External force of each grip after `step`.
 
     A hold balances bonds and loads on its components and provides their acceleration. The acceleration of a prescribed
@@ -72,8 +74,8 @@ def compute_reactions(
     """
     condition_count = len(conditions)
     if system.moving_zone_operator is not None:
-        pulls = system.moving_zone_operator.holding_forces(condition_count)
-        pushes = system.moving_zone_operator.load_forces(condition_count)
+        pulls = system.moving_zone_operator.constraint_force_by_profile(condition_count)
+        pushes = system.moving_zone_operator.load_force_by_profile(condition_count)
     else:
         drive, area, rho = system.drive, system.area, system.model.rho
         holds, loads = drive.holds, drive.loads
@@ -98,6 +100,6 @@ def compute_reactions(
         mean = state.value[grip.node_rows, : len(force)].astype(float).mean(axis=0).tolist()
         plane = *force[:2], *mean[:2]
         reaction_rows.append(
-            Reaction(step, time, grip.condition_number, grip.condition_kind, *plane, *force[2:], *mean[2:])
+            ConditionForceRow(step, time, grip.condition_number, grip.condition_kind, *plane, *force[2:], *mean[2:])
         )
     return reaction_rows

@@ -23,8 +23,8 @@ from pdsolve.run.measures import (
     NodeEnergiesAndBreaks,
     compute_node_energies_and_breaks,
     compute_output_fields,
-    count_bodies,
-    count_pieces,
+    count_fragments,
+    count_initially_separate_bodies,
 )
 from pdsolve.run.mechanics_records import MechanicsRecords
 from pdsolve.run.node_changes import SystemAfterNodeChange
@@ -47,7 +47,7 @@ def initial_families_for_results(system: System, first_row: int, end_row: int) -
     """Initial families of the rows `first_row` to `end_row` - 1; available during a run too."""
     if system.transport is not None:  # whose links do not break: nobody asks for them
         return Families(np.zeros(end_row - first_row + 1, dtype=np.int64), np.zeros(0, dtype=np.int64))
-    _, target = system.operator.bonds(first_row, end_row, start=True)
+    _, target = system.operator.bonds(first_row, end_row, at_start=True)
     return Families(np.concatenate([[0], np.cumsum(system.initial_bond_counts[first_row:end_row])]), target)
 
 
@@ -160,17 +160,20 @@ class HistoryUntilCheckpoint(NamedTuple):
 
 
 def _make_physics_records(
-    system: System, state: State, history: HistoryUntilCheckpoint, bond_state: NodeEnergiesAndBreaks
+    system: System, state: State, history: HistoryUntilCheckpoint, energies_and_breaks: NodeEnergiesAndBreaks
 ) -> PhysicsRecords:
     """The records of a system from a step on."""
     if system.transport is not None:
         return MassAccounts(system.transport, state, history.checkpoint_step, history.past_results)
-    motion = MechanicsRecords(system, state, history.checkpoint_step, bond_state, history.past_results)
+    motion = MechanicsRecords(system, state, history.checkpoint_step, energies_and_breaks, history.past_results)
     if not system.coupled_runs:
         return motion
     return CoupledRecords(
         motion,
-        tuple((_make_physics_records(*prepared, history, bond_state), prepared) for prepared in system.coupled_runs),
+        tuple(
+            (_make_physics_records(*prepared, history, energies_and_breaks), prepared)
+            for prepared in system.coupled_runs
+        ),
     )
 
 
@@ -200,8 +203,8 @@ class Recorder:
 
     def _create_physics_records(self, history: HistoryUntilCheckpoint) -> None:
         """Open the records of the state that the run begins with."""
-        self.bond_state = compute_node_energies_and_breaks(self.system, self.state)
-        self.physics_records = _make_physics_records(self.system, self.state, history, self.bond_state)
+        self.energies_and_breaks = compute_node_energies_and_breaks(self.system, self.state)
+        self.physics_records = _make_physics_records(self.system, self.state, history, self.energies_and_breaks)
 
     def make_database_writer(self, initial_system: System, output: Path | None, meta: Mapping[str, Any]) -> Writer:
         """The writer of a new database, of a run that begins with this system."""
@@ -219,9 +222,9 @@ class Recorder:
     def close_rank_databases(self) -> None:
         """End the records."""
 
-    def bodies_are_split(self) -> bool:
+    def has_more_fragments_than_bodies(self) -> bool:
         """Whether there are more pieces than bodies."""
-        return count_pieces(self.system) > count_bodies(self.system)
+        return count_fragments(self.system) > count_initially_separate_bodies(self.system)
 
     def wall_time(self) -> float:
         """Seconds spent on the run, including those before an interruption, without those of compiling kernels."""
@@ -239,7 +242,7 @@ class Recorder:
     @property
     def last_break_step(self) -> int:
         """Step of the last broken bond known at the last record; 0 without any."""
-        return int(self.bond_state.broken_bonds.step.max(initial=self._latest))
+        return int(self.energies_and_breaks.broken_bonds.step.max(initial=self._latest))
 
     def advance(self, first_step: int, end_step: int) -> int:
         """Take the steps `first_step` to `end_step` - 1; with a moving fine zone there is no state until asked for.
@@ -253,7 +256,7 @@ class Recorder:
     def drop_state(self) -> None:
         """Forget the state, which the operator of a moving fine zone has, and energies of nodes."""
         self.state = zero_state(0, 2)
-        self.bond_state = self.bond_state._replace(
+        self.energies_and_breaks = self.energies_and_breaks._replace(
             strain_energy_density=self.state.work, softening_energy_density=self.state.work
         )
 
@@ -304,20 +307,20 @@ class Recorder:
     def evaluate_balance(self, step: int) -> None:
         """Bring the last ledger row to this step, if they are not there yet."""
         if step != self.step:
-            bond_state = self._update_bond_state(step)
-            self.physics_records.evaluate_balance(self.state, step, bond_state)
+            energies_and_breaks = self._update_energies_and_breaks(step)
+            self.physics_records.evaluate_balance(self.state, step, energies_and_breaks)
 
     def record_step(self, step: int) -> None:
         """Record this step. Raises UnstableError."""
-        bond_state = self._update_bond_state(step)
-        self.physics_records.record_step(self.state, step, bond_state)
+        energies_and_breaks = self._update_energies_and_breaks(step)
+        self.physics_records.record_step(self.state, step, energies_and_breaks)
 
-    def _update_bond_state(self, step: int) -> NodeEnergiesAndBreaks:
+    def _update_energies_and_breaks(self, step: int) -> NodeEnergiesAndBreaks:
         """What the operator says of the state after this step, asked once."""
         self._fetch_state()
         if step != self.step:
-            self.bond_state, self.step = compute_node_energies_and_breaks(self.system, self.state), step
-        return self.bond_state
+            self.energies_and_breaks, self.step = compute_node_energies_and_breaks(self.system, self.state), step
+        return self.energies_and_breaks
 
     def make_frame(self, step: int, with_fields: bool, with_checkpoint: bool) -> FrameRecord:
         """All records since the last frame, for writing.
@@ -330,13 +333,13 @@ class Recorder:
         with_checkpoint |= clock.perf_counter() - self._kept > KEPT
         if with_checkpoint:
             self._kept = clock.perf_counter()
-        bond_state = self.bond_state if self.step == step else None
+        energies_and_breaks = self.energies_and_breaks if self.step == step else None
         field_values = {}
         if with_fields:
             names = system.requested_model.settings.run.fields
             field_values = {
                 name: of.astype("<f4")
-                for name, of in compute_output_fields(system, self.state, names, bond_state).items()
+                for name, of in compute_output_fields(system, self.state, names, energies_and_breaks).items()
             }
         if system.stepper.operator_has_state:
             self.drop_state()
@@ -345,7 +348,9 @@ class Recorder:
             checkpoint_arrays |= checkpoint_node_ids_and_broken_bonds(system)
         broken = [
             *self._breaks,
-            list_breaks_since(system, max(self.frame_step, self._since), bond_state and bond_state.broken_bonds),
+            list_breaks_since(
+                system, max(self.frame_step, self._since), energies_and_breaks and energies_and_breaks.broken_bonds
+            ),
         ]
         frame = FrameRecord(
             step=step,

@@ -14,7 +14,7 @@ import numpy as np
 
 from pdmesh import stopping
 from pdmesh.files import FilePath
-from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity, explain_fine_zone_too_late
+from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity, error_of_too_late_fine_zone
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.checks import warn_of_model, warn_of_unused
@@ -27,12 +27,16 @@ from pdsolve.numerics.team import Team
 from pdsolve.options import Options
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, is_empty, put_away, writing_to
 from pdsolve.run import zone_restarts
-from pdsolve.run.after_path import motion_results_file, needs_motion_after_path, prepare_motion_after_path
+from pdsolve.run.after_path import (
+    needs_motion_after_path,
+    prepare_motion_after_equilibrium_path,
+    results_file_of_motion_after_equilibrium_path,
+)
 from pdsolve.run.coarse_breaks import warn_of_broken_bonds_outside_finest_zone
 from pdsolve.run.doubtful_conditions import warn_of_doubtful_conditions
 from pdsolve.run.initial_displacements import apply_initial_displacements
 from pdsolve.run.narrow_contact import warn_of_unresolved_contact_width
-from pdsolve.run.node_changes import NodeAdaptation, find_zone_change_since_last_call, restore_system_with_moving_zone
+from pdsolve.run.node_changes import NodeAdaptation, create_system_if_zone_changed, create_system_with_checkpoint_zone
 from pdsolve.run.on_ranks import resuming
 from pdsolve.run.on_ranks import start as on_ranks
 from pdsolve.run.on_ranks.recorder import RecorderOnRanks
@@ -41,7 +45,7 @@ from pdsolve.run.recorder import HistoryUntilCheckpoint, Recorder, restore_state
 from pdsolve.run.static_start import start_in_static_equilibrium
 from pdsolve.run.summary import run_metadata, run_summary
 from pdsolve.run.system import System
-from pdsolve.run.zone_restarts import EarlierRefinement
+from pdsolve.run.zone_restarts import RefinementThresholdFromStep
 from pdsolve.state import State
 from pdsolve.stepper import LoadStepProgress
 from pdsolve.steppers.equilibrium import NotConvergedError
@@ -78,7 +82,7 @@ class RunRequest(NamedTuple):
     thread_count: int | None = None
     team: Team | None = None
     device: str | None = None
-    earlier_refinements: tuple[EarlierRefinement, ...] = ()  # after fine cells have come too late
+    refinement_thresholds: tuple[RefinementThresholdFromStep, ...] = ()  # after fine cells have come too late
     previous_compile_seconds: float = 0.0  # s that kernels were compiled for before
 
 
@@ -101,7 +105,7 @@ def simulate(
         results = _solve_with_restarts(
             model, options, RunRequest(output, watch, provenance, adapt, previous_compile_seconds=compile_seconds())
         )
-    return _solve_motion_after_path_if_asked(results, output, options.threads, watch)
+    return _solve_motion_after_equilibrium_path_if_asked(results, output, options.threads, watch)
 
 
 def _lock_output(output: Path | None) -> AbstractContextManager[None]:
@@ -123,12 +127,15 @@ def _restart_with_earlier_refinement(
 ) -> Results:
     """Results of a run whose fine cells came too late: it goes back as often as they do."""
     while True:
-        wider, earlier_refinements = zone_restarts.plan_zone_restart(
-            model, request.earlier_refinements, fine_zone_too_late
+        wider, refinement_thresholds = zone_restarts.plan_zone_restart(
+            model, request.refinement_thresholds, fine_zone_too_late
         )
-        step = zone_restarts.find_restart_checkpoint_step(request.output, earlier_refinements)
-        zone_restarts.warn_of_zone_restart(model, fine_zone_too_late, wider, earlier_refinements, step)
-        model, request = wider, request._replace(earlier_refinements=earlier_refinements, thread_count=options.threads)
+        step = zone_restarts.find_restart_checkpoint_step(request.output, refinement_thresholds)
+        zone_restarts.warn_of_zone_restart(model, fine_zone_too_late, wider, refinement_thresholds, step)
+        model, request = (
+            wider,
+            request._replace(refinement_thresholds=refinement_thresholds, thread_count=options.threads),
+        )
         try:
             if step and request.output is not None:
                 return _resume_from_checkpoint(request.output, request)
@@ -140,7 +147,7 @@ def _restart_with_earlier_refinement(
 def _prepare_new_recorder(model: Model, options: Options, request: RunRequest) -> tuple[Recorder, RunRequest]:
     """The records of a run that begins, which alone keep its system and its state."""
     # A run that goes back was saved before: to stop loses nothing
-    with stopping.patience(stopping.AT_ONCE) if request.earlier_refinements else nullcontext():
+    with stopping.patience(stopping.AT_ONCE) if request.refinement_thresholds else nullcontext():
         if options.team is None or model.diffuses:
             prepared = prepare(model, options)
         else:
@@ -187,8 +194,8 @@ def _solve_new_run(recorder: Recorder, request: RunRequest) -> Results:
 
     def make_new_writer() -> Writer:
         metadata = run_metadata(recorder, request.provenance)
-        if request.earlier_refinements:
-            metadata |= zone_restarts.earlier_refinement_metadata(request.earlier_refinements)
+        if request.refinement_thresholds:
+            metadata |= zone_restarts.refinement_threshold_metadata(request.refinement_thresholds)
         writer = recorder.make_database_writer(start[0], request.output, metadata)
         start.clear()
         return writer
@@ -196,17 +203,17 @@ def _solve_new_run(recorder: Recorder, request: RunRequest) -> Results:
     return _advance_to_end_and_close_results(recorder, make_new_writer, request)
 
 
-def _solve_motion_after_path_if_asked(
+def _solve_motion_after_equilibrium_path_if_asked(
     path_results: Results, output: Path | None, threads: int | None, watch: Watcher | None
 ) -> Results:
     """The results of the motion that follows a run; those of the run if none does."""
     if not needs_motion_after_path(path_results):
         return path_results
     with stopping.patience(stopping.AT_ONCE):
-        (system, state), step = prepare_motion_after_path(path_results, threads)
+        (system, state), step = prepare_motion_after_equilibrium_path(path_results, threads)
     provenance = path_results.meta()["provenance"]
     path_results.close()
-    target = None if output is None else motion_results_file(output)
+    target = None if output is None else results_file_of_motion_after_equilibrium_path(output)
     with _lock_output(target):
         past = HistoryUntilCheckpoint(step, 0.0, 0, 0, None, len(system.model.grid))
         return _solve_new_run(
@@ -238,13 +245,13 @@ def resume(
     """
     output = Path(output)
     request = RunRequest(output, watch, "", adapt, threads, team, device, previous_compile_seconds=compile_seconds())
-    results, motion = _resume_unless_finished(output, request), motion_results_file(output)
+    results, motion = _resume_unless_finished(output, request), results_file_of_motion_after_equilibrium_path(output)
     if needs_motion_after_path(results) and (motion.is_symlink() or (motion.exists() and not is_empty(motion))):
         results.close()
         if motion.is_symlink():
             raise ResultsError(f"{motion} is a link, and the motion of a run is written there; move it away")
         return _resume_unless_finished(motion, request)
-    return _solve_motion_after_path_if_asked(results, output, threads, watch)
+    return _solve_motion_after_equilibrium_path_if_asked(results, output, threads, watch)
 
 
 def _resume_unless_finished(output: Path, request: RunRequest) -> Results:
@@ -279,8 +286,10 @@ def _resume_with_earlier_refinement(
     """Results of a continued run whose fine cells came too late, as they would have been without the stop."""
     with Results.open(output) as results:
         model, meta = model_of(results.model(), str(output)), results.meta()
-    earlier_refinements = zone_restarts.read_earlier_refinements(meta, output)
-    request = request._replace(output=output, provenance=meta["provenance"], earlier_refinements=earlier_refinements)
+    refinement_thresholds = zone_restarts.read_refinement_thresholds(meta, output)
+    request = request._replace(
+        output=output, provenance=meta["provenance"], refinement_thresholds=refinement_thresholds
+    )
     return _restart_with_earlier_refinement(
         model, options_from_metadata(model, meta, request.thread_count), request, fine_zone_too_late
     )
@@ -293,9 +302,9 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
         model = model if request.device is None else on_device(model, request.device)
         options = options_from_metadata(model, meta, request.thread_count)._replace(team=request.team)
         resuming.warn_of_other_processor(output, meta)
-        earlier_refinements = request.earlier_refinements or zone_restarts.read_earlier_refinements(meta, output)
+        refinement_thresholds = request.refinement_thresholds or zone_restarts.read_refinement_thresholds(meta, output)
         request = request._replace(
-            output=output, provenance=meta["provenance"], earlier_refinements=earlier_refinements
+            output=output, provenance=meta["provenance"], refinement_thresholds=refinement_thresholds
         )
         if not results.has_checkpoint():
             results.close()
@@ -326,9 +335,9 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
         if _nodes_may_change(system, adapt):
             with gone_back(output):
                 system, state = (
-                    restore_system_with_moving_zone(system, checkpoint)
+                    create_system_with_checkpoint_zone(system, checkpoint)
                     if adapt is None
-                    else adapt.restore_system(system, checkpoint)
+                    else adapt.create_system_with_checkpoint_nodes(system, checkpoint)
                 )
             lives = results.lives()
             rows = lives.at(system.model.grid.ids, step)
@@ -343,14 +352,18 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
         system = dataclasses.replace(system, broken_bonds_of_removed_nodes=broken, initial_energy=energy)
         with gone_back(output):
             recorder = Recorder(system, state, past, _nodes_may_change(system, adapt))
-    reopen = partial(_reopen_writer_at_checkpoint, output, request.earlier_refinements)
+    reopen = partial(_reopen_writer_at_checkpoint, output, request.refinement_thresholds)
     return _advance_to_end_and_close_results(recorder, reopen, request._replace(adaptation=adapt))
 
 
-def _reopen_writer_at_checkpoint(output: Path, earlier_refinements: tuple[EarlierRefinement, ...]) -> Writer:
+def _reopen_writer_at_checkpoint(
+    output: Path, refinement_thresholds: tuple[RefinementThresholdFromStep, ...]
+) -> Writer:
     """The writer of a run that is continued."""
     writer = Writer.reopen(output)
-    writer.write_meta(zone_restarts.earlier_refinement_metadata(earlier_refinements) | {"processor": processor_kind()})
+    writer.write_meta(
+        zone_restarts.refinement_threshold_metadata(refinement_thresholds) | {"processor": processor_kind()}
+    )
     return writer
 
 
@@ -366,7 +379,7 @@ def _advance_to_end_and_close_results(
                 writer.write(partial(recorder.make_frame, recorder.step, with_fields=True, with_checkpoint=True))
             status = _advance_to_end(recorder, writer, request)
         except BaseException as reason:
-            error = explain_fine_zone_too_late(reason, recorder.system.time_step, recorder.system.stable_time_step)
+            error = error_of_too_late_fine_zone(reason, recorder.system.time_step, recorder.system.stable_time_step)
             ends = {UnstableError: "unstable", NotConvergedError: "unsettled", KeyboardInterrupt: "interrupted"}
             writer.abandon(ends.get(type(error), "failed"))
             raise error from error.__cause__
@@ -425,7 +438,7 @@ def grow_cracks_if_due_and_find_next_step(recorder: Recorder, step: int, last_st
 def record_zone_motion(recorder: Recorder, since_step: int) -> None:
     """Record the motion of a fine zone since the step `since_step`."""
     change = (
-        find_zone_change_since_last_call(recorder.system, with_state=False)
+        create_system_if_zone_changed(recorder.system, with_state=False)
         if recorder.system.moving_zone_operator is not None
         else None
     )
@@ -458,9 +471,9 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
     while step < run.steps and not (interrupted or done):
         looks = run.steps if adapt is None else change_nodes_if_due_and_find_next_step(recorder, adapt, step)
         looks = min(looks, grow_cracks_if_due_and_find_next_step(recorder, step, run.steps))
-        if request.earlier_refinements:
-            next_kappa_step = zone_restarts.set_kappa_and_find_next_change(
-                recorder.system, request.earlier_refinements, step, run.steps
+        if request.refinement_thresholds:
+            next_kappa_step = zone_restarts.set_refinement_threshold_and_find_next_change(
+                recorder.system, request.refinement_thresholds, step, run.steps
             )
             looks = min(looks, next_kappa_step)
         chunk = pace.choose_batch_step_count(
@@ -476,7 +489,8 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
         writer.look()
         is_record = step in records
         interrupted = watcher_requests_stop() and (
-            is_record or _can_stop_without_record(recorder.system, step, pace.will_finish_soon(min(records) - step))
+            is_record
+            or _can_stop_before_next_balance_row(recorder.system, step, pace.will_finish_soon(min(records) - step))
         )
         if is_record:
             record_zone_motion(recorder, looked)
@@ -503,7 +517,7 @@ def _make_progress(recorder: Recorder, step: int, load_step_progress: LoadStepPr
     return Progress(step, steps, broken, records.balance_error, words, recorder.system.zone_summary, load_step_progress)
 
 
-def _can_stop_without_record(system: System, step: int, balance_row_is_soon: bool) -> bool:
+def _can_stop_before_next_balance_row(system: System, step: int, balance_row_is_soon: bool) -> bool:
     """Whether a run can stop after a step without a record.
 
     A moving fine zone is followed from one ledger entry to the next: raises KeyboardInterrupt unless the next one comes
@@ -521,7 +535,7 @@ def _stop_criterion_is_met(recorder: Recorder, step: int) -> bool:
     if system.stepper.finished:
         return True
     if run.until == "split":
-        return recorder.bodies_are_split()
+        return recorder.has_more_fragments_than_bodies()
     if run.until == "quiet":
         return latest > 0 and run.quiet is not None and (step - latest) * system.time_step >= run.quiet
     return False

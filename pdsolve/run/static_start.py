@@ -24,7 +24,7 @@ def start_in_static_equilibrium(prepared: PreparedRun) -> PreparedRun:
     """
     system, state = prepared
     model = system.model
-    rest = prepare_static_equilibrium_at_start(model, system.options, system.scheme)
+    rest = prepare_quasi_static_model_of_start(model, system.options, system.scheme)
     stepper, operator, drive = rest.system.stepper, rest.system.operator, rest.system.drive
     assert isinstance(stepper, LoadSteps)
     stepper.solve_equilibrium_at_time_zero(rest.state)
@@ -36,7 +36,7 @@ def start_in_static_equilibrium(prepared: PreparedRun) -> PreparedRun:
     return PreparedRun(dataclasses.replace(system, initial_energy=system.initial_energy + strain), state)
 
 
-def prepare_static_equilibrium_at_start(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
+def prepare_quasi_static_model_of_start(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """The model to be brought to rest, in double precision. Raises ModelError."""
     run = model.settings.run
     rest = msgspec.structs.replace(run, solver="static", start="unloaded", damping=0.0, until=None, quiet=None)

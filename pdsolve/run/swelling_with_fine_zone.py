@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pdsolve.adaptivity.factory import MovingZoneOperator
 
 
-def broken_bonds_of_plate(hybrid: HybridEngine) -> Broken:
+def broken_bonds_by_grid_rows(hybrid: HybridEngine) -> Broken:
     """The broken bonds of a plate with a fine zone, by the rows of all nodes of its grid."""
     step, node, spring, *_ = hybrid.break_events()
     neighbour = node + hybrid.lattice.neighbour_offsets[spring]
@@ -93,6 +93,6 @@ class SwellingStepperWithFineZone(Swelling):
                 hybrid.advance(until, until + 1)
                 hybrid.add_work((hybrid.strain_energy() - hybrid.strain_energy_at_swelling(before)) / 2)
             step = until + 1
-        if self._operator.is_current:
+        if self._operator.nodes_are_unchanged:
             self._operator.copy_to_state(state)
         return end_step - 1

@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from pdsolve.adaptivity.hybrid.adaptivity_choice import (
-    refinement_kappa,
-    widen_zone_or_refine_everywhere,
-    with_refinement_kappa,
+    model_with_refinement_stretch_ratio,
+    model_with_wider_zone_or_fine_everywhere,
+    refinement_stretch_ratio,
 )
 from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
@@ -27,32 +27,38 @@ from pdsolve.run.system import System
 KEY = "sooner"  # of `meta`
 
 
-class EarlierRefinement(NamedTuple):
-    """From a step on, cells become fine at `refinement_kappa` of the stretch that breaks bonds."""
+class RefinementThresholdFromStep(NamedTuple):
+    """From a step on, cells become fine at `refinement_stretch_ratio` of the stretch that breaks bonds."""
 
     first_step: int
-    refinement_kappa: float
+    refinement_stretch_ratio: float
 
 
 def plan_zone_restart(
-    model: Model, earlier_refinements: tuple[EarlierRefinement, ...], fine_zone_too_late: FineZoneTooLateError
-) -> tuple[Model, tuple[EarlierRefinement, ...]]:
+    model: Model,
+    refinement_thresholds: tuple[RefinementThresholdFromStep, ...],
+    fine_zone_too_late: FineZoneTooLateError,
+) -> tuple[Model, tuple[RefinementThresholdFromStep, ...]]:
     """The model to solve after fine cells came too late, and from when on they are to come sooner.
 
     A run that has no frame before that begins anew with a wider zone. So does one for which no wider zone is left,
     first with the widest from the start, then with fine nodes everywhere.
     """
     run = model.settings.run
-    now = with_refinement_kappa(model, earlier_refinements[-1].refinement_kappa) if earlier_refinements else model
-    wider = widen_zone_or_refine_everywhere(now)
+    now = (
+        model_with_refinement_stretch_ratio(model, refinement_thresholds[-1].refinement_stretch_ratio)
+        if refinement_thresholds
+        else model
+    )
+    wider = model_with_wider_zone_or_fine_everywhere(now)
     step = max(fine_zone_too_late.step - EVERY - 1, 0) // run.every * run.every
     if wider.settings.run.adapt == "none":
-        return (now if earlier_refinements else wider), ()
+        return (now if refinement_thresholds else wider), ()
     if step == 0 or model.grid.dimension == 3:
         return wider, ()
     return model, (
-        *(refinement for refinement in earlier_refinements if refinement.first_step < step),
-        EarlierRefinement(step, refinement_kappa(wider)),
+        *(refinement for refinement in refinement_thresholds if refinement.first_step < step),
+        RefinementThresholdFromStep(step, refinement_stretch_ratio(wider)),
     )
 
 
@@ -60,59 +66,64 @@ def warn_of_zone_restart(
     model: Model,
     fine_zone_too_late: FineZoneTooLateError,
     model_with_wider_zone: Model,
-    earlier_refinements: tuple[EarlierRefinement, ...],
+    refinement_thresholds: tuple[RefinementThresholdFromStep, ...],
     checkpoint_step: int,
 ) -> None:
     """Warn of what is done about cells that came too late: of the step that is gone back to."""
     if model_with_wider_zone.settings.run.adapt == "none":
         how = "fine nodes everywhere (run.adapt none)"
     else:
-        kappa = refinement_kappa(model_with_wider_zone)
-        how = f"run.hybrid.kappa {earlier_refinements[-1].refinement_kappa if earlier_refinements else kappa:g}"
+        kappa = refinement_stretch_ratio(model_with_wider_zone)
+        if refinement_thresholds:
+            kappa = refinement_thresholds[-1].refinement_stretch_ratio
+        how = f"run.hybrid.kappa {kappa:g}"
     words = f"begins anew with {how}"
-    if earlier_refinements:
-        words = (
-            f"goes back to step {checkpoint_step}, and on with {how} from step {earlier_refinements[-1].first_step} on"
-        )
+    if refinement_thresholds:
+        first_step = refinement_thresholds[-1].first_step
+        words = f"goes back to step {checkpoint_step}, and on with {how} from step {first_step} on"
     warnings.warn(f"{model.name}: {fine_zone_too_late}; {words}", ModelWarning, stacklevel=4)
 
 
-def find_restart_checkpoint_step(output: Path | None, earlier_refinements: tuple[EarlierRefinement, ...]) -> int:
+def find_restart_checkpoint_step(
+    output: Path | None, refinement_thresholds: tuple[RefinementThresholdFromStep, ...]
+) -> int:
     """The step of the checkpoint to go back to, 0 for the start."""
-    if output is None or not earlier_refinements or not output.exists():
+    if output is None or not refinement_thresholds or not output.exists():
         return 0
     with Results.open(output) as results:
         step = results.checkpoint_step() if results.has_checkpoint() else 0
-    return step if step <= earlier_refinements[-1].first_step else 0
+    return step if step <= refinement_thresholds[-1].first_step else 0
 
 
-def set_kappa_and_find_next_change(
-    system: System, earlier_refinements: tuple[EarlierRefinement, ...], step: int, last_step: int
+def set_refinement_threshold_and_find_next_change(
+    system: System, refinement_thresholds: tuple[RefinementThresholdFromStep, ...], step: int, last_step: int
 ) -> int:
     """Make cells fine as soon as they are to be after a step; returns the next step from which that changes."""
-    begun = [refinement for refinement in earlier_refinements if refinement.first_step <= step]
+    begun = [refinement for refinement in refinement_thresholds if refinement.first_step <= step]
     if begun and isinstance(system.operator, HybridOperator):
-        system.operator.engine.set_refinement_kappa(begun[-1].refinement_kappa)
+        system.operator.engine.set_refinement_stretch_ratio(begun[-1].refinement_stretch_ratio)
     return next(
-        (refinement.first_step for refinement in earlier_refinements if refinement.first_step > step), last_step
+        (refinement.first_step for refinement in refinement_thresholds if refinement.first_step > step), last_step
     )
 
 
-def earlier_refinement_metadata(earlier_refinements: tuple[EarlierRefinement, ...]) -> dict[str, Any]:
+def refinement_threshold_metadata(refinement_thresholds: tuple[RefinementThresholdFromStep, ...]) -> dict[str, Any]:
     """What a database says of cells that come sooner."""
-    return {KEY: json.dumps(earlier_refinements)} if earlier_refinements else {}
+    return {KEY: json.dumps(refinement_thresholds)} if refinement_thresholds else {}
 
 
-def read_earlier_refinements(metadata: Mapping[str, Any], path: Path) -> tuple[EarlierRefinement, ...]:
+def read_refinement_thresholds(metadata: Mapping[str, Any], path: Path) -> tuple[RefinementThresholdFromStep, ...]:
     """What the metadata of a database say of cells that come sooner. Raises ResultsError."""
     try:
-        earlier_refinements = tuple(
-            EarlierRefinement(int(step), float(kappa)) for step, kappa in json.loads(str(metadata.get(KEY, "[]")))
+        refinement_thresholds = tuple(
+            RefinementThresholdFromStep(int(step), float(kappa))
+            for step, kappa in json.loads(str(metadata.get(KEY, "[]")))
         )
     except (TypeError, ValueError, OverflowError):
-        earlier_refinements = (EarlierRefinement(-1, 0.0),)
+        refinement_thresholds = (RefinementThresholdFromStep(-1, 0.0),)
     if not all(
-        refinement.first_step >= 0 and 0 < refinement.refinement_kappa < 1 for refinement in earlier_refinements
+        refinement.first_step >= 0 and 0 < refinement.refinement_stretch_ratio < 1
+        for refinement in refinement_thresholds
     ):
         raise ResultsError(f"{path}: {KEY} is {str(metadata[KEY])[:40]!r}; it must be steps and shares of a stretch")
-    return earlier_refinements
+    return refinement_thresholds

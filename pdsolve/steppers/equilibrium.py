@@ -101,7 +101,7 @@ def relative_residual(
     return imbalance / scale if scale > 0 else float(imbalance > 0)
 
 
-def least_reference_stiffness(largest_stiffness: float, tolerance: float) -> float:
+def reference_stiffness_above_round_off(largest_stiffness: float, tolerance: float) -> float:
     """The smallest reference, N/m^4, for which a residual of `tolerance` exceeds round-off.
 
     Forces of a plate of stiffness `largest_stiffness` (N/m^4) are not known better.

@@ -17,9 +17,9 @@ class ForwardEuler(Stepper):
 
     name = "forward Euler"
 
-    def __init__(self, operator: Operator, drive: Drive, dt: float, ghosts: Ghosts | None = None) -> None:
-        """Steps of `dt`, s; `ghosts` get their values from other ranks."""
-        self._operator, self._drive, self._dt, self._ghosts = operator, drive, dt, ghosts
+    def __init__(self, operator: Operator, drive: Drive, time_step: float, ghosts: Ghosts | None = None) -> None:
+        """Steps of `time_step`, s; `ghosts` get their values from other ranks."""
+        self._operator, self._drive, self._dt, self._ghosts = operator, drive, time_step, ghosts
         self._change = np.zeros(len(drive.force))
 
     def advance(self, state: State, first_step: int, end_step: int) -> int:

@@ -73,7 +73,7 @@ class BondFatigueSteps(CycleSteps):
         self._at = Place(int(block), done)
 
     def summary(self) -> dict[str, Any]:
-        """Those of `CycleSteps`, with the cycles until the first bonds broke and their range of stretch."""
+        """Cycles of each step and until the first bonds broke, and their range of stretch."""
         first = {"first_break": self.first, "first_range": self.range} if self.step_results else {}
         return super().summary() | first
 

@@ -65,7 +65,7 @@ class CrackedBodySnapshot(NamedTuple):
         growth.restore(self.crack_arrays, self.broken_bonds)
 
 
-def largest_relative_K_difference(growth: CrackGrowth, evaluated_tips: list[EvaluatedTip]) -> float:
+def largest_relative_difference_of_K_and_J(growth: CrackGrowth, evaluated_tips: list[EvaluatedTip]) -> float:
     """How far K by interaction integrals and by J are apart, the most of all tips, over K; 0 where only J is known."""
     both = [
         (v.share * growth.toughness(tip), v.released)

@@ -90,7 +90,7 @@ class LoadSteps(Stepper):
         self._on_next_equilibrium: Callable[[State], object] = lambda state: None
         self._warned, self._told_loose, self._loose = False, False, cast("LooseBodies | None", None)
         self._support_checker: SupportChecker | None = None  # of bodies that are supported
-        source, target = operator.bonds(start=True)
+        source, target = operator.bonds(at_start=True)
         self._bonds = source * len(area) + target
         self._restrain_loose_bodies(operator.broken(), "")
         for step in range(1, model.settings.run.steps + 1) if self._loose is not None else ():
@@ -392,7 +392,7 @@ class LoadSteps(Stepper):
         model, nodes = self._model, len(self._area)
         intact = np.ones(len(self._bonds), dtype=bool)
         intact[np.searchsorted(self._bonds, broken.source * nodes + broken.target)] = False
-        if self._support_checker is not None and self._support_checker.accept_if_supported(intact):
+        if self._support_checker is not None and self._support_checker.update_bonds_if_bodies_stay_supported(intact):
             return
         intact_bonds = self._bonds[intact]
         loose_bodies = find_loose_bodies(

@@ -27,8 +27,8 @@ from pdsolve.steppers.equilibrium import (
     ProgressReport,
     area_weighted_tangent,
     force_densities,
-    least_reference_stiffness,
     norm,
+    reference_stiffness_above_round_off,
     relative_residual,
 )
 from pdsolve.steppers.factors import count_negative_eigenvalues, factorize
@@ -78,7 +78,7 @@ class Newton:
         also good that does not lead far beyond its least."""
         self._operator, self._area, self._tolerance = operator, area, tolerance
         self._most, self._flows = max_iterations or (MOST_FLOWING if has_plastic_flow else MOST), has_plastic_flow
-        self._least = least_reference_stiffness(float(operator.stiffness_bound().max(initial=0.0)), tolerance)
+        self._least = reference_stiffness_above_round_off(float(operator.stiffness_bound().max(initial=0.0)), tolerance)
         self._before = 0.0  # m, norm of the displacements that the last equilibrium began with
         self._factored = free_component_count <= max_factorized_components
         way = "factors" if self._factored else "conjugate gradients" if operator.symmetric else "BiCGStab"

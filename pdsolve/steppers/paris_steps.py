@@ -34,7 +34,7 @@ from pdsolve.steppers.growing_cracks import (
     CrackedBodySnapshot,
     CrackGrowth,
     EvaluatedTip,
-    largest_relative_K_difference,
+    largest_relative_difference_of_K_and_J,
     stress_intensities_of_tips,
 )
 from pdsolve.steppers.load_steps import LoadSteps
@@ -100,12 +100,12 @@ class ParisSteps(CycleSteps):
             self._restore_snapshot(state, before)
             self._share /= 2
         ahead = max(ahead, 1 / STEEPEST)  # of a tip that is stopped, as middles have it
-        cycles, mean = self._cycles - before.cycles, self._at_first * cycle_ratio_at_growing_rate(ahead)
+        cycles, mean = self._cycles - before.cycles, self._at_first * cycles_relative_to_initial_growth_rate(ahead)
         if not before.tip_histories:  # no step before the first says how growth changes: the mean of both ends does
             cycles, mean = mean, self._at_first / float(np.sqrt(ahead))
             self._cycles = before.cycles + cycles
         self.cycle_error_of_steps += abs(cycles - mean)
-        self._apart = largest_relative_K_difference(growth, evaluated_tips) or self._apart
+        self._apart = largest_relative_difference_of_K_and_J(growth, evaluated_tips) or self._apart
         assert law.m is not None
         self.cycle_error_of_K += abs(cycles) * law.m * self._apart
         if steepest > STEEPEST:
@@ -202,12 +202,12 @@ class ParisSteps(CycleSteps):
         self._cycles, self._share, self.cycle_error_of_steps, self.cycle_error_of_K, self._apart = numbers
 
     def summary(self) -> dict[str, Any]:
-        """Those of `CycleSteps`, with the estimated errors of the cycles: of all, and of the length of particles."""
+        """Cycles of each step and their estimated errors: in all, and from the length of particles."""
         errors = {"cycles_error": self.estimated_cycle_error, "cycles_error_of_jumps": self.cycle_error_of_steps}
         return super().summary() | errors
 
 
-def cycle_ratio_at_growing_rate(rate_ratio: float) -> float:
+def cycles_relative_to_initial_growth_rate(rate_ratio: float) -> float:
     """Cycles of a length over those at its first rate, where the rate grows to `rate_ratio` times that
     geometrically."""
     return 1.0 if abs(rate_ratio - 1) < ALIKE else float(np.log(rate_ratio) / (rate_ratio - 1))

@@ -77,7 +77,7 @@ class SofteningPathSteps(PathStepper):
         super().__init__(model, drive, area)
         self._operator, self._bonds, constrained = operator, bonds, self._held
         d = model.grid.dimension
-        joined = operator.bonds(start=True)
+        joined = operator.bonds(at_start=True)
         if contact is not None:
             joined = append_contact_pairs(joined, contact)
         self._contact = contact
@@ -261,7 +261,7 @@ class SofteningPathSteps(PathStepper):
                 )
                 break
             except NotConvergedError as error:
-                secants = self._choose_next_try(secants, error)
+                secants = self._choose_secant_iterations_for_retry(secants, error)
         if count <= FEW:
             self._more = min(self._more * GROWTH, self._most)
         if new.load_factor > 1:
@@ -274,7 +274,7 @@ class SofteningPathSteps(PathStepper):
         self.finished |= self._is_final_opening_reached(new)
         return new, iterations + count, residual
 
-    def _choose_next_try(self, secant_iterations: int, error: NotConvergedError) -> int:
+    def _choose_secant_iterations_for_retry(self, secant_iterations: int, error: NotConvergedError) -> int:
         """Secants to begin the step again with, after it did not converge with so many; sets how much more is spent.
 
         Raises the error where nothing is left to try.

@@ -24,7 +24,7 @@ from pdsolve.steppers.equilibrium import (
     NotConvergedError,
     ProgressReport,
     force_densities,
-    least_reference_stiffness,
+    reference_stiffness_above_round_off,
     relative_residual,
 )
 
@@ -56,7 +56,7 @@ class DynamicRelaxation(EquilibriumMethod):
         """`mass` (n, w) or (n, 1), N/m^4 s^2; None: from the operator's bound, plus a tenth, as bonds rotate."""
         self._operator, self._tolerance, self._most = operator, tolerance, max_iterations or MOST
         self._mass = 1.1 * smallest_stable_mass(operator)[:, None] if mass is None else mass
-        self._least = least_reference_stiffness(2 * float(self._mass.max(initial=0.0)), tolerance)
+        self._least = reference_stiffness_above_round_off(2 * float(self._mass.max(initial=0.0)), tolerance)
 
     def solve_equilibrium(
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport

@@ -188,7 +188,7 @@ class SupportChecker:
         self._source, self._target = bonds
         self._start = np.searchsorted(self._source, np.arange(len(position) + 1))
 
-    def accept_if_supported(self, intact: NDArray[np.bool_]) -> bool:
+    def update_bonds_if_bodies_stay_supported(self, intact: NDArray[np.bool_]) -> bool:
         """Whether bodies are surely supported with these `intact` (b,), as with those before; if not, or where that
         takes a closer look, nothing changes."""
         broken = np.flatnonzero(self._intact & ~intact)

@@ -26,7 +26,7 @@ def model_with_load_steps(model: Model) -> Model:
     Without a varying profile there is one load step, at 1 s. Raises ModelError for an unsupported model.
     """
     run = model.settings.run
-    if follows_softening_path(model) or follows_crack_length(model) or follows_arc_length(model):
+    if uses_softening_path_control(model) or uses_crack_length_control(model) or uses_arc_length_control(model):
         return _model_with_path_steps(model)
     if run.fatigue is not None:
         changed = msgspec.structs.replace(run, time_step=1.0, ledger=1)
@@ -48,17 +48,17 @@ def model_with_load_steps(model: Model) -> Model:
     return stepped_model
 
 
-def follows_softening_path(model: Model) -> bool:
+def uses_softening_path_control(model: Model) -> bool:
     """Whether bonds soften and break by themselves: then the equilibrium path is followed."""
     return model.settings.run.cracks == "bonds" and any(softens(material) for material in model.materials)
 
 
-def follows_crack_length(model: Model) -> bool:
+def uses_crack_length_control(model: Model) -> bool:
     """Whether cracks of particles are followed, their length being the control."""
     return model.settings.run.cracks == "particles" and model.settings.run.static.control == CRACK
 
 
-def follows_arc_length(model: Model) -> bool:
+def uses_arc_length_control(model: Model) -> bool:
     """Whether an elastic body is followed by the arc length of its path."""
     return model.settings.run.cracks == "bonds" and model.settings.run.static.control == ARC
 
@@ -80,7 +80,7 @@ def _model_with_path_steps(model: Model) -> Model:
                 " to the end, as loads follow from what bonds or cracks dissipate"
             )
         conditions.append(msgspec.structs.replace(condition, profile=((0.0, points[0][1]), (1.0, points[1][1]))))
-    if follows_crack_length(model):
+    if uses_crack_length_control(model):
         # a crack of particles goes through the largest extent of the plate
         spacing, extent = run.particles.spacing * model.grid.delta.min(), np.ptp(model.grid.position, axis=0).max()
         steps = run.static.load_steps or int(np.ceil(extent / spacing))

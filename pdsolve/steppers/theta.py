@@ -75,7 +75,7 @@ class ThetaSteps(Stepper):
         state.work[:] += weight * self._drive.force[:, 0]
         return out[:, 0]
 
-    def _rates_of_potential(self, potential: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _compute_rates_at_potential(self, potential: NDArray[np.float64]) -> NDArray[np.float64]:
         """Rates (n,) at these potentials (n,), valid until the next call."""
         self._out[:] = 0
         self._operator.rates(potential, self._out)
@@ -87,11 +87,11 @@ class ThetaSteps(Stepper):
         operator, free, weight, content = self._operator, self._free, self._dt * self._theta, state.value[:, 0]
         for _ in range(ITERATIONS):
             follows = free & operator.follows(content)
-            residual = right_side - content + weight * self._rates_of_potential(operator.potential(content))
+            residual = right_side - content + weight * self._compute_rates_at_potential(operator.potential(content))
             residual[~free] = 0
             change = np.where(follows, self._solve_linear_content_change(state, follows, residual), residual)
             if not np.array_equal(follows, free):
-                along = weight * self._rates_of_potential(np.where(follows, change, 0.0))
+                along = weight * self._compute_rates_at_potential(np.where(follows, change, 0.0))
                 change += np.where(free & ~follows, along, 0.0)
             content = np.asarray(content + change)
             if np.array_equal(follows, free & operator.follows(content)):
@@ -116,7 +116,9 @@ class ThetaSteps(Stepper):
             return self._factors(right_side)
 
         def multiply_by_matrix(change: NDArray[np.float64]) -> NDArray[np.float64]:
-            return np.where(changes_with_potential, volume * (change - weight * self._rates_of_potential(change)), 0.0)
+            return np.where(
+                changes_with_potential, volume * (change - weight * self._compute_rates_at_potential(change)), 0.0
+            )
 
         return solve_by_conjugate_gradients(
             multiply_by_matrix, right_side, volume * (1 + weight * self._operator.stiffness_bound() / 2)

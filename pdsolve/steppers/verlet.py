@@ -68,7 +68,7 @@ class Verlet(Stepper):
             if self._ghosts is not None:
                 self._ghosts.receive_values(state.value.T)
                 self._ghosts.receive_values(state.rate.T)  # with which some operators know where nodes were a step ago
-            _clear(out, rows)
+            _set_rows_to_zero(out, rows)
             self._operator.accumulate_force(state, out, step, dt)
             rows = self._active_rows()
             _accelerate_kick_and_add_work(state, drive, out, self._rho, rows, previous_velocity, dt, step * dt)
@@ -78,15 +78,15 @@ class Verlet(Stepper):
 
 
 @overloaded({"error_model": "numpy"})  # not INNER, whose functions return no arrays
-def _listed(rows, count):  # type: ignore[no-untyped-def]
+def _rows_or_all(rows, count):  # type: ignore[no-untyped-def]
     """The `rows`, or without any, None, so many from 0 on."""
     return (lambda rows, count: range(count)) if isinstance(rows, types.NoneType) else lambda rows, count: rows
 
 
 @cached_njit(error_model="numpy")
-def _clear(array, rows):  # type: ignore[no-untyped-def]
+def _set_rows_to_zero(array, rows):  # type: ignore[no-untyped-def]
     """Set these rows of an array (n, w) to 0."""
-    for i in _listed(rows, len(array)):
+    for i in _rows_or_all(rows, len(array)):
         for axis in range(array.shape[1]):
             array[i, axis] = 0
 
@@ -95,7 +95,7 @@ def _clear(array, rows):  # type: ignore[no-untyped-def]
 def _kick_drift_and_apply_conditions(state, drive, rows, dt, time):  # type: ignore[no-untyped-def]
     """Half a kick and the drift to the displacements at `time`, s."""
     u, v, a = state.value, state.rate, state.second
-    for i in _listed(rows, len(u)):
+    for i in _rows_or_all(rows, len(u)):
         for axis in range(u.shape[1]):
             v[i, axis] += dt / 2 * a[i, axis]
             u[i, axis] += dt * v[i, axis]
@@ -113,7 +113,7 @@ def _accelerate_kick_and_add_work(state, drive, force_density, rho, rows, previo
     """
     v, a, work, load, before = state.rate, state.second, state.work, drive.force, drive.before
     half = a.dtype.type(dt / 2)
-    for i in _listed(rows, len(a)):
+    for i in _rows_or_all(rows, len(a)):
         if previous_velocity is not None:
             for axis in range(a.shape[1]):
                 previous_velocity[i, axis] = v[i, axis] - half * a[i, axis]
@@ -124,7 +124,7 @@ def _accelerate_kick_and_add_work(state, drive, force_density, rho, rows, previo
     for e in range(len(drive.holds.node)):
         speed, force = drive.held_speed, drive.held_force
         accelerate_held_component_and_book_work(v, a, rho, work, drive.holds, drive.profiles, speed, force, e, dt, time)
-    for i in _listed(rows, len(a)):
+    for i in _rows_or_all(rows, len(a)):
         for axis in range(a.shape[1]):
             v[i, axis] += dt / 2 * a[i, axis]
 
@@ -136,7 +136,7 @@ def _damp_velocity_and_add_energy(state, previous_velocity, rho, constrained, da
     `previous_velocity` (n, w) are the velocities one step ago.
     """
     v, a = state.rate, state.second
-    for i in _listed(rows, len(v)):
+    for i in _rows_or_all(rows, len(v)):
         for axis in range(v.shape[1]):
             if damping[i] > 0 and not constrained[i, axis]:
                 state.damped[i] += damp_component_and_return_energy(

@@ -13,13 +13,13 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.codegen.inner_functions import INNER
-from pdsolve.zone.cells import EMPTY, FINE, VOID, add_step, along_each_axis, cell_at, cell_corner, place_at
+from pdsolve.zone.cells import EMPTY, FINE, VOID, add_step, cell_at, cell_corner, place_number_at, vectorize_over_axes
 
 WORD = 64  # bits
 ROUND_OFF = 1e-9  # of 2 h: places this near to a line between cells are on it
 
 
-class BondParts(NamedTuple):
+class BondPartsInCells(NamedTuple):
     """The p parts of k bonds from each of the 2^d positions of their node in its cell, x fastest.
 
     Those of bond k from position f, on one side, are bounds[f, k, side] to bounds[f, k, side + 1].
@@ -36,7 +36,7 @@ class BondParts(NamedTuple):
     cells_around_per_axis: int
 
 
-def divide_bonds(offsets: NDArray[np.int64]) -> BondParts:
+def divide_bonds_at_cell_borders(offsets: NDArray[np.int64]) -> BondPartsInCells:
     """The parts of the bonds `offsets` (k, d), in spacings."""
     (count, d), reach = offsets.shape, np.abs(offsets).max(initial=1)
     lowest = (np.arange(2) - reach) // 2
@@ -47,7 +47,7 @@ def divide_bonds(offsets: NDArray[np.int64]) -> BondParts:
     for position, (k, xi) in product(range(2**d), enumerate(offsets.tolist())):
         x = cell_corner((0,) * d, position)
         bounds[position, k] = len(cells)
-        for side, parts in enumerate(_divide_bond(x, xi)):
+        for side, parts in enumerate(_divide_bond_at_cell_borders(x, xi)):
             for begin, end, cell in parts:
                 shares.append((begin, end))
                 cells.append(cell)
@@ -60,10 +60,12 @@ def divide_bonds(offsets: NDArray[np.int64]) -> BondParts:
     end_cells = np.floor(at + ROUND_OFF)
     beyond = at - end_cells
     beyond[np.abs(beyond) < ROUND_OFF] = 0.0
-    return BondParts(bounds, np.array(shares), np.array(cells), end_cells.astype(np.int64), beyond, bits, lowest, wide)
+    return BondPartsInCells(
+        bounds, np.array(shares), np.array(cells), end_cells.astype(np.int64), beyond, bits, lowest, wide
+    )
 
 
-def _divide_bond(x: tuple[int, ...], xi: list[int]) -> list[list[tuple[float, float, tuple[int, ...]]]]:
+def _divide_bond_at_cell_borders(x: tuple[int, ...], xi: list[int]) -> list[list[tuple[float, float, tuple[int, ...]]]]:
     """The parts of bond `xi` (d,) from a node at x (d,), 0 or 1, in its cell, by side: where each begins and ends, as
     shares of the bond, and the cell it is in."""
     crossings = {0.0, 1.0}
@@ -84,12 +86,12 @@ def _divide_bond(x: tuple[int, ...], xi: list[int]) -> list[list[tuple[float, fl
     return parts_by_side
 
 
-# The lowest of the cells around fine node x (d,), of which `BondParts` has bits
-lowest_cell_around = along_each_axis(lambda along, axis, lowest_offset: (along >> 1) + lowest_offset[along & 1])
+# The lowest of the cells around fine node x (d,), of which `BondPartsInCells` has bits
+lowest_cell_around = vectorize_over_axes(lambda along, axis, lowest_offset: (along >> 1) + lowest_offset[along & 1])
 
 
 @njit(forceinline=True, **INNER)
-def next_piece(numbering, cell_kinds, bond_parts, x, part, last, passes_void):  # type: ignore[no-untyped-def]
+def next_parts_outside_coarse_cells(numbering, cell_kinds, bond_parts, x, part, last, passes_void):  # type: ignore[no-untyped-def]
     """The next parts of a bond of fine node x (d,), of those from `part` to `last` - 1, that lie in a row outside
     coarse cells: the first, and one after the last, which are equal if there are none.
 
@@ -97,7 +99,7 @@ def next_piece(numbering, cell_kinds, bond_parts, x, part, last, passes_void):  
     """
     begin = end = last
     for n in range(part, last):
-        kind = cell_kinds[place_at(numbering, add_step(cell_at(x), bond_parts.cell_offset[n]))]
+        kind = cell_kinds[place_number_at(numbering, add_step(cell_at(x), bond_parts.cell_offset[n]))]
         passes = kind in (FINE, EMPTY) or (passes_void and kind == VOID)
         if passes and begin == last:
             begin = n

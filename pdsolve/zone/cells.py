@@ -90,14 +90,14 @@ def create_body_numbering(fine_nodes: tuple[int, ...], reach: int) -> ZoneNumber
     return ZoneNumbering(fine, coarse_nodes, far, create_lattice_numbering(cells, void))
 
 
-def place_at(numbering: LatticeNumbering, x: Any) -> Any:
+def place_number_at(numbering: LatticeNumbering, x: Any) -> Any:
     """The place of the node or cell x (d,), or places of arrays of such."""
     steps = zip(x, numbering.margins, numbering.strides, strict=True)
     return sum((along + margin) * stride for along, margin, stride in steps)
 
 
-@overload(place_at, jit_options=_IN_PLACE)
-def _place_at(numbering, x):  # type: ignore[no-untyped-def]
+@overload(place_number_at, jit_options=_IN_PLACE)
+def _compile_place_number_at(numbering, x):  # type: ignore[no-untyped-def]
     if len(x) == 2:
         return lambda numbering, x: (x[1] + numbering.margins[1]) * numbering.strides[1] + numbering.margins[0] + x[0]
 
@@ -108,7 +108,7 @@ def _place_at(numbering, x):  # type: ignore[no-untyped-def]
     return place_in_3d
 
 
-def coordinates(numbering: LatticeNumbering, place: Any) -> Any:
+def lattice_coordinates(numbering: LatticeNumbering, place: Any) -> Any:
     """The node or cell x (d,) at a place, or arrays of such at places."""
     x = []
     for stride, margin in zip(numbering.strides[:0:-1], numbering.margins[:0:-1], strict=True):
@@ -117,8 +117,8 @@ def coordinates(numbering: LatticeNumbering, place: Any) -> Any:
     return place - numbering.margins[0], *x[::-1]
 
 
-@overload(coordinates, jit_options=_IN_PLACE)
-def _coordinates(numbering, place):  # type: ignore[no-untyped-def]
+@overload(lattice_coordinates, jit_options=_IN_PLACE)
+def _compile_lattice_coordinates(numbering, place):  # type: ignore[no-untyped-def]
     if len(numbering.types[0]) == 2:
         return lambda numbering, place: (
             place % numbering.strides[1] - numbering.margins[0],
@@ -136,16 +136,16 @@ def _coordinates(numbering, place):  # type: ignore[no-untyped-def]
     return coordinates_in_3d
 
 
-def along_each_axis(function: Any) -> Any:
+def vectorize_over_axes(function: Any) -> Any:
     """A function of coordinates (d,) and further arguments, in Python and in compiled code: the coordinates (d,) that
     `function` returns for one along an axis, the number of that axis, and the further arguments."""
     compiled = njit(**_IN_PLACE)(function)
 
-    def for_all_axes(x: Any, *others: Any) -> Any:
+    def apply_along_all_axes(x: Any, *others: Any) -> Any:
         return tuple(function(along, axis, *others) for axis, along in enumerate(x))
 
-    @overload(for_all_axes, jit_options=_IN_PLACE)
-    def _for_all_axes(x, *others):  # type: ignore[no-untyped-def]
+    @overload(apply_along_all_axes, jit_options=_IN_PLACE)
+    def _compile_apply_along_all_axes(x, *others):  # type: ignore[no-untyped-def]
         if len(x) == 2:
             return lambda x, *others: (compiled(x[0], 0, *others), compiled(x[1], 1, *others))
         return lambda x, *others: (
@@ -154,7 +154,7 @@ def along_each_axis(function: Any) -> Any:
             compiled(x[2], 2, *others),
         )
 
-    return for_all_axes
+    return apply_along_all_axes
 
 
 @register_jitable(**_IN_PLACE)
@@ -165,23 +165,23 @@ def _digit(number, base, axis):  # type: ignore[no-untyped-def]
 
 
 # x times a factor
-scale_coordinates = along_each_axis(lambda along, axis, factor: along * factor)
+scale_coordinates = vectorize_over_axes(lambda along, axis, factor: along * factor)
 # x and the steps (d,) from there
-add_step = along_each_axis(lambda along, axis, step: along + step[axis])
+add_step = vectorize_over_axes(lambda along, axis, step: along + step[axis])
 # Corner 0 to 2^d - 1 of a cell x, along x first: the coarse node there
-cell_corner = along_each_axis(lambda along, axis, number: along + (number >> axis & 1))
+cell_corner = vectorize_over_axes(lambda along, axis, number: along + (number >> axis & 1))
 # The cell that fine node x is in, or at the lower border of
-cell_at = along_each_axis(lambda along, axis: along >> 1)
+cell_at = vectorize_over_axes(lambda along, axis: along >> 1)
 # Cell 0 to 2^d - 1, along x first, of those that a fine node x is in or touches; some are the same
-cell_around = along_each_axis(lambda along, axis, number: (along + (number >> axis & 1) - 1) >> 1)
+cell_around = vectorize_over_axes(lambda along, axis, number: (along + (number >> axis & 1) - 1) >> 1)
 # Node or cell 0 to (2 n + 1)^d - 1, along x first, of those at most n from x along each axis
-neighbour = along_each_axis(lambda along, axis, n, number: along - n + _digit(number, 2 * n + 1, axis))
+neighbour = vectorize_over_axes(lambda along, axis, n, number: along - n + _digit(number, 2 * n + 1, axis))
 # x over a length, rounded down
-floor_divide = along_each_axis(lambda along, axis, length: along // length)
+floor_divide = vectorize_over_axes(lambda along, axis, length: along // length)
 
 
 @njit(**_IN_PLACE)
-def position_in_cell(x):  # type: ignore[no-untyped-def]
+def corner_number_in_cell(x):  # type: ignore[no-untyped-def]
     """Where fine node x (d,) is in its cell, 0 or 1 along each axis, as a number: 0 to 2^d - 1, along x first."""
     number = 0
     for axis in range(len(x)):
@@ -192,24 +192,24 @@ def position_in_cell(x):  # type: ignore[no-untyped-def]
 @register_jitable(**_IN_PLACE)
 def place_on_finer_lattice(numbering, finer_numbering, ratio, place):  # type: ignore[no-untyped-def]
     """The place on a `ratio` times finer lattice of the node that lies there, or places of arrays."""
-    return place_at(finer_numbering, scale_coordinates(coordinates(numbering, place), ratio))
+    return place_number_at(finer_numbering, scale_coordinates(lattice_coordinates(numbering, place), ratio))
 
 
 @njit(**INNER)
-def count_cells_around(numbering, cell_kinds, x, kind):  # type: ignore[no-untyped-def]
+def count_cells_of_kind_around(numbering, cell_kinds, x, kind):  # type: ignore[no-untyped-def]
     """How many of the 2^d parts around a fine node x (d,) are in cells of a kind."""
     count = 0
     for number in range(1 << len(x)):
-        count += cell_kinds[place_at(numbering.cells, cell_around(x, number))] == kind
+        count += cell_kinds[place_number_at(numbering.cells, cell_around(x, number))] == kind
     return count
 
 
 @njit(**INNER)
 def fine_node_kind(numbering, cell_kinds, x):  # type: ignore[no-untyped-def]
     """The kind of a fine node: IDLE in coarse cells alone, FREE in fine ones alone, BORDER between both."""
-    if count_cells_around(numbering, cell_kinds, x, FINE) == 0:
+    if count_cells_of_kind_around(numbering, cell_kinds, x, FINE) == 0:
         return IDLE
-    return BORDER if count_cells_around(numbering, cell_kinds, x, COARSE) > 0 else FREE
+    return BORDER if count_cells_of_kind_around(numbering, cell_kinds, x, COARSE) > 0 else FREE
 
 
 @njit(**INNER)
@@ -227,7 +227,7 @@ def mark_and_list_new_fine_cells_near(numbering, cell_kinds, x, radius, new_cell
             square += away * away
             inside &= 0 <= cell[axis] < numbering.counts[axis]
         if inside and square < radius * radius:
-            c = place_at(numbering, cell)
+            c = place_number_at(numbering, cell)
             if cell_kinds[c] == COARSE:
                 cell_kinds[c] = FINE
                 new_cells[count] = c

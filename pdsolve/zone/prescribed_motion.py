@@ -12,13 +12,13 @@ from pdmesh.model.selection import components
 from pdmesh.model.values_of_place import is_of_place
 from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model
-from pdsolve.zone.cells import LatticeNumbering, coordinates, place_at
+from pdsolve.zone.cells import LatticeNumbering, lattice_coordinates, place_number_at
 
 SAME = 1e-9  # of the largest value: round-off
 Lookup = Callable[[NDArray[np.int64]], NDArray[np.signedinteger]]
 
 
-def nodes_unfit_for_coarse(
+def nodes_kept_fine_by_prescribed_motion(
     model: Model, numbering: LatticeNumbering, places_of_grid_rows: Lookup, grid_rows_at: Lookup
 ) -> NDArray[np.int64]:
     """Fine nodes (k, d) that would not move as prescribed if they hung between coarse nodes.
@@ -40,13 +40,13 @@ def nodes_unfit_for_coarse(
                 unfit_rows.append(_rows_of_nonlinear_values(values, rows, *lookups))
     if any(isinstance(condition, InitialVelocity) for condition in model.settings.conditions):
         unfit_rows.append(_rows_of_nonlinear_values(initial_velocity(model), np.arange(count), *lookups))
-    return np.column_stack(coordinates(numbering, places_of_grid_rows(np.unique(np.concatenate(unfit_rows)))))
+    return np.column_stack(lattice_coordinates(numbering, places_of_grid_rows(np.unique(np.concatenate(unfit_rows)))))
 
 
 def _rows_of_nonlinear_values(
     values: NDArray[np.float64], rows: NDArray[np.int64], *lookups: *tuple[LatticeNumbering, Lookup, Lookup]
 ) -> NDArray[np.int64]:
-    """Those of these rows (k,) whose values (n, j) are not the mean of those of the coarse nodes they lie between."""
+    """Rows, of these (k,), whose values (n, j) are not the mean of those of the coarse nodes they lie between."""
     away = np.abs(_mean_of_coarse_nodes_around(values, rows, *lookups) - values[rows]).max(axis=1, initial=0.0)
     return np.asarray(rows[away > SAME * np.abs(values).max(initial=0.0)])
 
@@ -63,10 +63,10 @@ def _mean_of_coarse_nodes_around(
     A node that is not there counts as one that moves likewise.
     """
     place, mean = places_of_grid_rows(rows).astype(np.int64), np.zeros((len(rows), values.shape[1]))
-    x = coordinates(numbering, place)
+    x = lattice_coordinates(numbering, place)
     for corner in range(2 ** len(x)):
         ends = [along + (2 * (corner >> axis & 1) - 1) * (along % 2) for axis, along in enumerate(x)]
         inside = np.logical_and.reduce([end < count for end, count in zip(ends, numbering.counts, strict=True)])
-        neighbour = grid_rows_at(np.where(inside, place_at(numbering, ends), place))
+        neighbour = grid_rows_at(np.where(inside, place_number_at(numbering, ends), place))
         mean += values[np.where(inside & (neighbour >= 0), neighbour, rows)] / 2 ** len(x)
     return mean

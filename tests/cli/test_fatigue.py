@@ -74,11 +74,11 @@ def test_the_line_that_was_given_stands_beside_the_one_found() -> None:
     of_K = life("K", Fatigue(C=2e-37, m=4.0), line)
     of_bonds = life("bonds", Fatigue(A=1e9, m=3.0, A1=A1, m1=M1), line, first=1e5)
     at = np.array([10e6, 20e6])
-    assert of_K.law_growth_per_cycle(at) == pytest.approx([2e-9, 3.2e-8])
-    given = of_bonds.law_growth_per_cycle(at)
+    assert of_K.growth_per_cycle_of_input_law(at) == pytest.approx([2e-9, 3.2e-8])
+    given = of_bonds.growth_per_cycle_of_input_law(at)
     assert given is not None
     assert given[1] / given[0] == pytest.approx(8)
-    assert life("none", Fatigue(A=1e9, m=3.0), None).law_growth_per_cycle(at) is None
+    assert life("none", Fatigue(A=1e9, m=3.0), None).growth_per_cycle_of_input_law(at) is None
     assert of_bonds.woehler_cycles_to_break(at * 1e-10) == pytest.approx([1e6, 1e6 / 64])
     drawn = figure([of_K, of_bonds])
     lengths, rates, lives = drawn.axes

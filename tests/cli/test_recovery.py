@@ -92,7 +92,7 @@ def test_sent_twice_it_ends_at_once(
     number: signal.Signals,
 ) -> None:
     signalled(probed, number, 2, monkeypatch)
-    monkeypatch.setattr("pdsolve.run.simulation._can_stop_without_record", lambda *_: False)
+    monkeypatch.setattr("pdsolve.run.simulation._can_stop_before_next_balance_row", lambda *_: False)
     assert main([str(model)]) == 128 + number
     assert capsys.readouterr() == ("", f"pdsolve: interrupted by {number.name}\n")
 

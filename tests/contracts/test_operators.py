@@ -344,7 +344,7 @@ def test_breaking_spends_what_bonds_held(name: str) -> None:
     assert lost > 0
     assert float(np.sum(system.area * state.dissipated)) == pytest.approx(lost, rel=1e-9)
     assert set(np.flatnonzero(state.dissipated)) <= set(broken.source) | set(broken.target)
-    there, ever = (set(zip(*operator.bonds(start=start), strict=True)) for start in (False, True))
+    there, ever = (set(zip(*operator.bonds(at_start=start), strict=True)) for start in (False, True))
     assert ever == set(zip(*prepared(name).system.operator.bonds(), strict=True))
     gone = set(zip(broken.source, broken.target, strict=True))
     assert not there & gone

@@ -14,7 +14,7 @@ from pdsolve.run.system import PreparedRun
 from pdsolve.state import State
 
 NODES_CHANGE = {"hybrid", "collocation", "split"}  # whose nodes a checkpoint restores first; see tests/formats
-STEPS = 4  # before the checkpoint, and after it
+STEPS = 2  # before the checkpoint, and after it
 pytestmark = pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")  # bodies this small jump
 KINDS_OF_STEPPER = sorted(KINDS.keys() - NODES_CHANGE)
 

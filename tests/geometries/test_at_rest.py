@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from plates import shipped
 
-from pdpost.measures.forces import read_reactions, select_reactions
+from pdpost.measures.forces import read_condition_force_histories, select_condition_force_histories
 from pdpost.measures.gaps import force_over_gap_opening, read_named_gap
 from pdpost.measures.stress_intensities import follow_tip_intensities
 from pdsolve.model import Model
@@ -25,7 +25,7 @@ def solved(name: str, *words: tuple[str, str]) -> Results:
 
 
 def forces(results: Results, name: str, axis: int) -> np.ndarray:
-    return np.abs(select_reactions(read_reactions(results), [name])[0].force[:, axis])
+    return np.abs(select_condition_force_histories(read_condition_force_histories(results), [name])[0].force[:, axis])
 
 
 def balance(results: Results) -> float:
@@ -150,7 +150,9 @@ def test_a_crack_from_an_offset_notch_rises_to_the_load() -> None:
     with solved("offset_notch.py") as results:
         peak = forces(results, "middle", 1).max() * 0.0254
         opened = force_over_gap_opening(
-            read_named_gap(results, "mouth"), select_reactions(read_reactions(results), ["middle"])[0], 1
+            read_named_gap(results, "mouth"),
+            select_condition_force_histories(read_condition_force_histories(results), ["middle"])[0],
+            1,
         )
         last = int(results.frames()[0][-1])
         x, y = results.nodes().position.T
@@ -170,7 +172,10 @@ def test_a_crack_from_an_offset_notch_rises_to_the_load() -> None:
 def test_a_plate_that_is_sheared_and_pulled_tears_from_both_notches(spacing: str, peak: float, between: int) -> None:
     """The shear alone softens bonds at the notches; at 5 mm two cracks pass each other, with a block between them."""
     with solved("nooru_mohamed.py", ("spacing", spacing)) as results:
-        pull, shear = (select_reactions(read_reactions(results), [name])[0].force for name in ("top", "shear"))
+        pull, shear = (
+            select_condition_force_histories(read_condition_force_histories(results), [name])[0].force
+            for name in ("top", "shear")
+        )
         assert balance(results) < 1e-3
         gaps = [read_named_gap(results, name).opening for name in ("left", "right")]
         position, uy = results.nodes().position, results.field("uy", int(results.frames()[0][-1]))

@@ -35,7 +35,9 @@ def first_break(adapt: str, tips: bool = True) -> tuple[int, float]:
         problem.advance(step, step + 8)
         broken = problem.system.operator.broken().step
         if len(broken):
-            _, work, made = shown.engine.energy_totals if shown is not None else (0.0, 1.0, 0.0)
+            _, work, made = (
+                shown.engine.dissipated_energy_work_and_refinement_energy if shown is not None else (0.0, 1.0, 0.0)
+            )
             return int(broken.min()), made / work
     return 170, 0.0
 

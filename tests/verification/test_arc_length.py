@@ -14,7 +14,7 @@ from plates import plate
 
 from pdmesh.model.document import Displacement, Load, Material, Run, Static
 from pdmesh.model.node_grid import Grid
-from pdpost.measures.forces import read_reactions, select_reactions
+from pdpost.measures.forces import read_condition_force_histories, select_condition_force_histories
 from pdsolve.model import Model
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import NotConvergedError, Options, resume, simulate
@@ -109,8 +109,10 @@ def test_an_arch_bears_what_load_steps_by_displacement_say() -> None:
     node = 45 * 4 + 1
     down = Displacement(nodes=(node,), y=-16e-3, profile=RAMP, name="middle")
     with simulate(arch(Static(load_steps=20), down), None, ONE) as results:
-        moved = select_reactions(read_reactions(results), ["middle"])[0].displacement[:, 1]
-        pushed = select_reactions(read_reactions(results), ["middle"])[0].force[:, 1]
+        moved = select_condition_force_histories(read_condition_force_histories(results), ["middle"])[0].displacement[
+            :, 1
+        ]
+        pushed = select_condition_force_histories(read_condition_force_histories(results), ["middle"])[0].force[:, 1]
     most = float(np.abs(pushed).max())
     push = Load(nodes=(node,), body_force=(0.0, -1.1 * most / 1e-6), profile=RAMP, name="middle")
     with simulate(arch(Static(control="arc", load_steps=20), push), None, ONE) as results:

@@ -42,7 +42,7 @@ def test_where_all_is_fine_it_is_the_uniform_run(profile: str) -> None:
     uniform = prepare(with_material(torn("none"), micromodulus=profile), Options(threads=1))
     problem, engine = prepared(with_material(torn("collocation"), micromodulus=profile))
     assert problem.system.stable_time_step == pytest.approx(uniform.system.stable_time_step, rel=1e-12)
-    engine.activate_coarse_nodes(np.zeros(engine.lattice.numbering.place_count, dtype=bool))
+    engine.set_active_coarse_nodes(np.zeros(engine.lattice.numbering.place_count, dtype=bool))
     uniform.advance(1, 121)
     problem.advance(1, 121)
     value, own = uniform.state.value, engine.plate.place_of_grid_row
@@ -67,7 +67,7 @@ def ragged(ratio: float) -> CollocationEngine:
     _, engine = prepared(cracked(side + 1, side + 1, ratio, 0.0, run=RUN))
     x, y = places(engine)
     away = np.hypot(x - side / 2, y - side / 2) - 3 * np.random.default_rng(0).random(x.shape)
-    engine.activate_coarse_nodes((engine.zone.node_kinds == COARSE) & (away > ratio / 2 + 2))
+    engine.set_active_coarse_nodes((engine.zone.node_kinds == COARSE) & (away > ratio / 2 + 2))
     return engine
 
 

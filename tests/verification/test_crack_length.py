@@ -15,7 +15,7 @@ from shapely import Point
 
 from pdmesh import Material, Run, Scene, Static, box, build, ramp
 from pdmesh.model.document import ParticleRules
-from pdpost.measures.forces import read_reactions, select_reactions
+from pdpost.measures.forces import read_condition_force_histories, select_condition_force_histories
 from pdpost.measures.gaps import force_over_gap_opening, read_named_gap
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results
@@ -88,7 +88,9 @@ def test_cantilevers_part_by_a_falling_load() -> None:
     arm = 12e-3
     with simulate(cantilevers(20), None, ONE) as results:
         curve = force_over_gap_opening(
-            read_named_gap(results, "loads"), select_reactions(read_reactions(results), ["upper"])[0], 1
+            read_named_gap(results, "loads"),
+            select_condition_force_histories(read_condition_force_histories(results), ["upper"])[0],
+            1,
         )
         a, (spent, missing), summary = lengths(results), books(results), results.summary()
     load = np.abs(curve.force[1:])

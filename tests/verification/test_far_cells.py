@@ -21,7 +21,7 @@ from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.run.measures import compute_energy_balance_row
-from pdsolve.run.node_changes import find_zone_change_since_last_call
+from pdsolve.run.node_changes import create_system_if_zone_changed
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
 from pdsolve.zone.cells import BORDER, FAR, FINE
@@ -163,7 +163,7 @@ def test_a_crack_runs_as_without_far_cells(monkeypatch: pytest.MonkeyPatch) -> N
         problem = prepare(pulled(), Options(threads=1))
         nodes = len(problem.system.family_sizes)
         problem.advance(1, 281)
-        change = find_zone_change_since_last_call(problem.system)
+        change = create_system_if_zone_changed(problem.system)
         assert change is not None
         entry = compute_energy_balance_row(change.system, change.state, 280)
         found.append((nodes, change.system.operator.broken(), entry))

@@ -29,7 +29,7 @@ from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.steppers.equilibrium import NotConvergedError
 from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.steppers.paris_steps import ParisSteps, cycle_ratio_at_growing_rate
+from pdsolve.steppers.paris_steps import ParisSteps, cycles_relative_to_initial_growth_rate
 
 ONE = Options(threads=1)
 LINE = {"C": 1.2e-37, "m": 4.0}
@@ -239,8 +239,8 @@ def test_growth_is_reported_from_its_start_and_its_cycles_with_their_error() -> 
 
 def test_the_first_jump_counts_the_mean_of_its_ends() -> None:
     """Of growth that doubles geometrically, ln 2 of the cycles at its first rate."""
-    assert cycle_ratio_at_growing_rate(2.0) == pytest.approx(np.log(2))
-    assert cycle_ratio_at_growing_rate(1.0) == 1.0
+    assert cycles_relative_to_initial_growth_rate(2.0) == pytest.approx(np.log(2))
+    assert cycles_relative_to_initial_growth_rate(1.0) == 1.0
 
 
 TESTED = {  # height of the crack and places on its path, mm: D. Wagner (2018), specimens 17-157 and 17-159

@@ -17,10 +17,10 @@ from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.run.estimate import estimate_run
 from pdsolve.run.measures import compute_energy_balance_row, compute_output_fields
-from pdsolve.run.node_changes import find_zone_change_since_last_call
+from pdsolve.run.node_changes import create_system_if_zone_changed
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
-from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone, broken_bonds_of_plate
+from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone, broken_bonds_by_grid_rows
 from pdsolve.run.system import PreparedRun
 from pdsolve.zone.cells import COARSE, FINE
 
@@ -113,7 +113,7 @@ def test_a_cell_that_becomes_fine_has_its_temperature_at_once() -> None:
     )
     zone.new_cells[: len(new)], zone.counts.new_cells, zone.cell_kinds[new] = new, len(new), FINE
     operator.engine.compute_initial_forces()
-    change = find_zone_change_since_last_call(plate.system)
+    change = create_system_if_zone_changed(plate.system)
     assert change is not None
     assert len(change.state.value) > len(free) + 500
     force = change.system.moving_zone_operator.accelerations() * change.system.model.rho[:, None]  # type: ignore[union-attr]
@@ -180,7 +180,7 @@ def test_threads_do_not_show_and_broken_bonds_are_known(small: Model) -> None:
     for threads in (1, 2):
         problem = prepare(small, Options(threads=threads))
         problem.advance(1, 281)
-        change = find_zone_change_since_last_call(problem.system)
+        change = create_system_if_zone_changed(problem.system)
         assert change is not None
         found.append(change)
     one, two = found
@@ -190,7 +190,7 @@ def test_threads_do_not_show_and_broken_bonds_are_known(small: Model) -> None:
     operator = one.system.moving_zone_operator
     assert operator is not None
     own, ids = operator.broken(), one.system.model.grid.ids
-    every, grid = broken_bonds_of_plate(operator.engine), small.grid  # type: ignore[arg-type]
+    every, grid = broken_bonds_by_grid_rows(operator.engine), small.grid  # type: ignore[arg-type]
     assert len(own.step) > 100
     for side in ("source", "target"):
         assert np.array_equal(ids[getattr(own, side)], grid.ids[getattr(every, side)])

@@ -18,7 +18,7 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
 from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
-from pdsolve.run.node_changes import find_zone_change_since_last_call
+from pdsolve.run.node_changes import create_system_if_zone_changed
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 from pdsolve.zone.cells import COARSE, FINE
@@ -44,9 +44,7 @@ def hybrid(problem: PreparedRun) -> HybridEngine:
 
 def ledger(problem: PreparedRun, step: int) -> EnergyBalanceRow:
     """The books of the nodes there are now."""
-    change = (
-        find_zone_change_since_last_call(problem.system) if problem.system.moving_zone_operator is not None else None
-    )
+    change = create_system_if_zone_changed(problem.system) if problem.system.moving_zone_operator is not None else None
     system, state = problem if change is None else (change.system, change.state)
     return compute_energy_balance_row(system, state, step)
 

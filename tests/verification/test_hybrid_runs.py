@@ -15,7 +15,7 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
 from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
-from pdsolve.run.node_changes import find_zone_change_since_last_call
+from pdsolve.run.node_changes import create_system_if_zone_changed
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 from pdsolve.zone.cells import COARSE, FINE
@@ -41,9 +41,7 @@ def hybrid(problem: PreparedRun) -> HybridEngine:
 
 def followed(problem: PreparedRun) -> PreparedRun:
     """The nodes there are now."""
-    change = (
-        find_zone_change_since_last_call(problem.system) if problem.system.moving_zone_operator is not None else None
-    )
+    change = create_system_if_zone_changed(problem.system) if problem.system.moving_zone_operator is not None else None
     return problem if change is None else PreparedRun(change.system, change.state)
 
 
@@ -59,7 +57,7 @@ def test_fine_everywhere_it_is_the_uniform_plate() -> None:
     run = hybrid(one)
     run.zone.cell_kinds[run.zone.cell_kinds == COARSE] = FINE
     again(run)
-    change = find_zone_change_since_last_call(one.system)
+    change = create_system_if_zone_changed(one.system)
     assert change is not None
     system, nodes = change.system, change.system.moving_zone_operator
     assert nodes is not None

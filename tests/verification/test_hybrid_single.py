@@ -38,7 +38,7 @@ def test_each_bit_is_the_same_however_steps_are_divided(damping: float) -> None:
         for step in range(1, 161, together):
             problem.advance(step, step + together)
         zone = problem.system.operator.engine
-        motions.append((zone.zone.fine.u[zone.u_buffer], zone.zone.coarse.v, zone.break_events().step))
+        motions.append((zone.zone.fine.u[zone.displacement_buffer_index], zone.zone.coarse.v, zone.break_events().step))
     assert len(motions[0][2]) > 100
     for one, other in zip(*motions, strict=True):
         assert np.array_equal(one, other)

@@ -16,7 +16,7 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Displacement, Gap, LoadCell, Material, Run, Static, write_file
 from pdmesh.model.node_grid import document_of
-from pdpost.measures.forces import read_reactions, select_reactions
+from pdpost.measures.forces import read_condition_force_histories, select_condition_force_histories
 from pdpost.measures.gaps import ForceOpeningCurve, force_over_gap_opening, read_named_gap
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import Model, ModelWarning
@@ -48,7 +48,9 @@ def beam(static: Static) -> Model:
 
 def curve(results: Results, name: str) -> ForceOpeningCurve:
     return force_over_gap_opening(
-        read_named_gap(results, "mouth"), select_reactions(read_reactions(results), [name])[0], 1
+        read_named_gap(results, "mouth"),
+        select_condition_force_histories(read_condition_force_histories(results), [name])[0],
+        1,
     )
 
 

@@ -22,7 +22,7 @@ from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelWarning
 from pdsolve.operators.softening_bonds import SofteningBonds
 from pdsolve.results import Results, ResultsError
-from pdsolve.run.after_path import motion_results_file
+from pdsolve.run.after_path import results_file_of_motion_after_equilibrium_path
 from pdsolve.run.estimate import estimate_run
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
@@ -142,8 +142,12 @@ def test_a_body_moves_once_it_does_not_bear_its_dead_loads(tmp_path: Path) -> No
     with pytest.warns(ModelWarning, match="motion begins"):
         ran = simulate(model, path, ONE)
     with ran as results:
-        found, taken, whole = results.history(), results.breaks(), contents(motion_results_file(path))
-        assert results.name == str(motion_results_file(path))
+        found, taken, whole = (
+            results.history(),
+            results.breaks(),
+            contents(results_file_of_motion_after_equilibrium_path(path)),
+        )
+        assert results.name == str(results_file_of_motion_after_equilibrium_path(path))
         assert abs(summary(results)["balance"]) < 1e-4  # measured: 1.2e-5
     with Results.open(path) as results:
         last, most = results.history()[-1], summary(results)["lost"]
@@ -153,18 +157,20 @@ def test_a_body_moves_once_it_does_not_bear_its_dead_loads(tmp_path: Path) -> No
     assert (found["step"][0], found["kinetic"][0]) == (last["step"], 0)
     assert found["kinetic"][-1] > found["strain"][-1]
     assert taken.step.min() > last["step"]
-    motion_results_file(path).unlink()
-    motion_results_file(path).symlink_to(tmp_path / "nothing")
+    results_file_of_motion_after_equilibrium_path(path).unlink()
+    results_file_of_motion_after_equilibrium_path(path).symlink_to(tmp_path / "nothing")
     with pytest.raises(ResultsError, match=naming("beam_motion.sqlite", found="a link")):
         resume(path, 1)
-    motion_results_file(path).unlink()
-    motion_results_file(path).write_bytes(b"")  # as of a motion that was killed before its first frame
+    results_file_of_motion_after_equilibrium_path(path).unlink()
+    results_file_of_motion_after_equilibrium_path(path).write_bytes(
+        b""
+    )  # as of a motion that was killed before its first frame
     stops = iter([False] * 3 + [True])
     resume(path, 1, lambda now: next(stops, True)).close()  # the motion begins, and is stopped
-    with Results.open(motion_results_file(path)) as results:
+    with Results.open(results_file_of_motion_after_equilibrium_path(path)) as results:
         assert results.meta()["status"] == "interrupted"
     resume(path, 1).close()
-    assert contents(motion_results_file(path)) == whole
+    assert contents(results_file_of_motion_after_equilibrium_path(path)) == whole
 
 
 @pytest.mark.slow

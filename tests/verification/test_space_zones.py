@@ -15,7 +15,7 @@ import pdmesh
 from pdmesh import Body, Box, Cylinder, Run, ramp
 from pdmesh.drawing.solids import meshed
 from pdsolve.adaptivity.hybrid.space.coarse_springs import cubic_stiffness
-from pdsolve.adaptivity.hybrid.space.prepare import SEAM, compute_vertex_force, create_operator_of_cells
+from pdsolve.adaptivity.hybrid.space.prepare import SEAM, compute_vertex_force_ratio, create_operator_of_cells
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
@@ -32,7 +32,7 @@ from pdsolve.zone.cells import COARSE, FINE
 @pytest.mark.parametrize(("ratio", "tau"), [(2.0, 0.037124), (3.0, 0.038878)])  # of an independent script
 def test_body_diagonals_take_what_vertices_need(ratio: float, tau: float) -> None:
     """To the digits known."""
-    assert compute_vertex_force(LAW, bonds_of(ratio), 1.0) == pytest.approx(tau, abs=6e-7)
+    assert compute_vertex_force_ratio(LAW, bonds_of(ratio), 1.0) == pytest.approx(tau, abs=6e-7)
 
 
 @pytest.mark.slow
@@ -42,7 +42,7 @@ def test_any_linear_field_is_in_equilibrium(ratio: float, profile: str) -> None:
     """A random gradient on a random blob, faces, edges and vertices: but for the outer layer; and not without tau."""
     bonds, gradient = bonds_of(ratio, profile), np.random.default_rng(2).standard_normal((3, 3))
     for tau, least, most in (
-        (compute_vertex_force(LAW, bonds, 1.0), 0.0, 1e-12),
+        (compute_vertex_force_ratio(LAW, bonds, 1.0), 0.0, 1e-12),
         (0.0, 1e-2, 1.0),
     ):  # measured 1.1e-13, 0.14
         operator = blob(bonds, 16, 4, tau)
@@ -66,7 +66,7 @@ def test_any_linear_field_is_in_equilibrium(ratio: float, profile: str) -> None:
 def test_the_sure_step_is_stable_with_a_seam(ratio: float) -> None:
     """2 / omega_max, by power iteration; measured 1.35 and 1.66 sqrt(rho / C11) against 1.13 and 1.60."""
     bonds = bonds_of(ratio)
-    operator = blob(bonds, 10, 1, compute_vertex_force(LAW, bonds, 1.0))
+    operator = blob(bonds, 10, 1, compute_vertex_force_ratio(LAW, bonds, 1.0))
     v, found = np.random.default_rng(0).standard_normal((len(operator.sites), 3)), 0.0
     for _ in range(120):
         w = -operator.forces_at_displacements(SMALL * v) / SMALL / operator.volume[:, None]
@@ -88,7 +88,7 @@ def test_a_seam_sends_as_little_back_as_an_independent_script_found(shear: bool,
 def test_free_vibration_does_not_grow() -> None:
     """Noise in a blob, small strains: the energy that leapfrog keeps, over 800 units of sqrt(rho / C11)."""
     bonds = bonds_of(3.0)
-    operator = blob(bonds, 7, 1, compute_vertex_force(LAW, bonds, 1.0))
+    operator = blob(bonds, 7, 1, compute_vertex_force_ratio(LAW, bonds, 1.0))
     dt, mass = 0.8 * 1.6 / np.sqrt(cubic_stiffness(bonds).c11), operator.volume[:, None]
     v, u, energies = 1e-8 * np.random.default_rng(3).standard_normal((len(mass), 3)), np.zeros((len(mass), 3)), []
     momentum = (mass * v).sum(axis=0)
@@ -224,7 +224,7 @@ def test_refining_looks_at_all_that_changes() -> None:
         LAW,
         before.full_body,
         before.cell_kinds.copy(),
-        compute_vertex_force(LAW, before.full_body.fine_lattice.tiles.vectors, H),
+        compute_vertex_force_ratio(LAW, before.full_body.fine_lattice.tiles.vectors, H),
     )
     assert np.array_equal(again.sites, after.sites)
     for one, other in zip(again.volumes_and_bond_counts, after.volumes_and_bond_counts, strict=True):

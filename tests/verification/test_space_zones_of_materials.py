@@ -12,7 +12,7 @@ import pdmesh
 from pdmesh import Body, Box, Material, Run
 from pdsolve.adaptivity.hybrid.space.coarse_springs import cubic_stiffness
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
-from pdsolve.adaptivity.hybrid.space.prepare import compute_vertex_force
+from pdsolve.adaptivity.hybrid.space.prepare import compute_vertex_force_ratio
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
 from pdsolve.run.body_zones import expect_body_zone_operator
@@ -33,7 +33,7 @@ def halves(other: Material) -> HybridBodyOperator:
         built = pdmesh.build(body)
     whole = expect_body_zone_operator(prepare(Model(built.grid, built.settings), Options(threads=1)).system).full_body
     whole.fine_lattice.tiles.c[:, whole.fine_sites.site] = 1
-    return at_random(whole, 2, compute_vertex_force(LAW, whole.fine_lattice.tiles.vectors, H))
+    return at_random(whole, 2, compute_vertex_force_ratio(LAW, whole.fine_lattice.tiles.vectors, H))
 
 
 @pytest.mark.slow

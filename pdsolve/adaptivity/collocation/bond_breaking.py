@@ -28,13 +28,13 @@ def break_bonds_of_row(lattice, zone, step, dt, row):  # type: ignore[no-untyped
 
 
 @njit(**INNER)
-def add_matching_and_second_forces(lattice, zone, step, dt):  # type: ignore[no-untyped-def]
+def add_release_forces_of_broken_bonds(lattice, zone, step, dt):  # type: ignore[no-untyped-def]
     """Let the bonds that broke in this step pull once, and those of the last step a second time."""
     breaks, n = zone.break_events, zone.counts.broken_bonds
     while n > 0 and breaks.step[n - 1] >= step - 1:
         n -= 1
         p, k = breaks.node[n], breaks.bond_number[n]
-        stretch, before = _stretch(lattice, zone, p, k), _stretch_before(lattice, zone, dt, p, k)
+        stretch, before = _stretch(lattice, zone, p, k), _previous_stretch(lattice, zone, dt, p, k)
         share = 1.0 if breaks.step[n] == step else second_share(breaks.stretch_growth_at_break[n], stretch - before)
         _add_force_of_broken_bond(lattice, zone, p, k, breaks.force_at_break[n] * share / (1 + stretch))
 
@@ -53,7 +53,7 @@ def _stretch(lattice, zone, p, k):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _stretch_before(lattice, zone, dt, p, k):  # type: ignore[no-untyped-def]
+def _previous_stretch(lattice, zone, dt, p, k):  # type: ignore[no-untyped-def]
     """The stretch of bond k of node p a time step `dt` ago."""
     j, u, v = p + lattice.neighbour_offsets[k], zone.u, zone.v
     x, y = u[0, j] - dt * v[0, j] - (u[0, p] - dt * v[0, p]), u[1, j] - dt * v[1, j] - (u[1, p] - dt * v[1, p])
@@ -61,7 +61,7 @@ def _stretch_before(lattice, zone, dt, p, k):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _opposite_end(lattice, p, k):  # type: ignore[no-untyped-def]
+def _neighbour_and_reverse_bond(lattice, p, k):  # type: ignore[no-untyped-def]
     """The neighbour at the other end of bond k of node p, and the bond's number there."""
     half = len(lattice.neighbour_offsets) // 2
     return p + lattice.neighbour_offsets[k], k + half if k < half else k - half
@@ -70,7 +70,7 @@ def _opposite_end(lattice, p, k):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _add_force_of_broken_bond(lattice, zone, p, k, breaking_force):  # type: ignore[no-untyped-def]
     """Add a pull of bond k of node p, which has broken, to the forces on both its ends."""
-    j, back = _opposite_end(lattice, p, k)
+    j, back = _neighbour_and_reverse_bond(lattice, p, k)
     for axis in range(2):
         along = breaking_force * (lattice.spring_table[k, axis] + zone.u[axis, j] - zone.u[axis, p])
         zone.f[axis, p] += bond_stiffness(lattice, p, k) * along
@@ -80,8 +80,8 @@ def _add_force_of_broken_bond(lattice, zone, p, k, breaking_force):  # type: ign
 @njit(**INNER)
 def _break_bond_and_record_energy(lattice, zone, step, dt, p, k):  # type: ignore[no-untyped-def]
     """Break bond k of node p, and book the energy it has dissipated."""
-    (j, back), breaks, count = _opposite_end(lattice, p, k), zone.break_events, zone.counts.broken_bonds
-    stretch, before = _stretch(lattice, zone, p, k), _stretch_before(lattice, zone, dt, p, k)
+    (j, back), breaks, count = _neighbour_and_reverse_bond(lattice, p, k), zone.break_events, zone.counts.broken_bonds
+    stretch, before = _stretch(lattice, zone, p, k), _previous_stretch(lattice, zone, dt, p, k)
     limit = stretch_from_double_green_strain(lattice.limit_double_green_strain)
     area = lattice.cell_area_share[0, p] * lattice.spacing**2
     spring = bond_stiffness(lattice, p, k) * area / lattice.spring_table[k, 4]
@@ -104,7 +104,7 @@ def _break_bond_and_record_energy(lattice, zone, step, dt, p, k):  # type: ignor
 @njit(**INNER)
 def cut_bond(lattice, zone, p, k):  # type: ignore[no-untyped-def]
     """Cut bond k of node p at both of its ends."""
-    for node, number in ((p, k), _opposite_end(lattice, p, k)):
+    for node, number in ((p, k), _neighbour_and_reverse_bond(lattice, p, k)):
         mark_bond_cut(zone.cut_bond_bits, node, number)
         if zone.stiffness_index_of_row[node // ROW] == WHOLE:
             zone.stiffness_index_of_row[node // ROW] = UNCORRECTED

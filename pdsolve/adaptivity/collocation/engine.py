@@ -22,12 +22,12 @@ from pdsolve.adaptivity.collocation.row_stiffness import UNCORRECTED, WHOLE
 from pdsolve.adaptivity.collocation.zone import (
     COARSE,
     FINE,
-    Counts,
-    Totals,
+    EnergyTotals,
+    ZoneCounts,
     areas_of_active_nodes,
     create_collocation_zone,
-    interpolate_motion,
-    mask_coarse_nodes_left_active,
+    interpolate_motion_between_coarse_nodes,
+    mask_coarse_nodes_after_refinement,
     mask_nodes_near_border,
     zone_with_active_coarse_nodes,
 )
@@ -47,7 +47,7 @@ from pdsolve.steppers.verlet import Verlet
 class CollocationSettings(NamedTuple):
     """Settings of the collocation method: where it refines, how it damps, and its number of threads."""
 
-    refinement_kappa: float  # share of what breaks a bond at which a coarse pair becomes fine
+    refinement_stretch_ratio: float  # share of what breaks a bond at which a coarse pair becomes fine
     border_damping: float  # 1/s, damping of nodes within a horizon of the seam
     steps_between_checks: int  # steps between two looks
     threads: int
@@ -69,7 +69,7 @@ class CollocationEngine:
         motion, rho = aligned(np.zeros((3, 2, len(is_active)))), np.full(len(is_active), lattice.rho)
         self.state = State(*(field.T for field in motion), *np.zeros((3, len(rho))))  # by places
         self.zone, self.damping = create_collocation_zone(plate, self.state), np.zeros(len(rho))
-        self.activate_coarse_nodes(is_active)
+        self.set_active_coarse_nodes(is_active)
         self._verlet = Verlet(self, drive, rho, lattice.dt, self.damping, active_rows=lambda: self.active_places)
         self.sum_forces_and_break_bonds(0, 0.0)  # compiles before the clock runs
 
@@ -92,10 +92,10 @@ class CollocationEngine:
         """
         if step % self.settings.steps_between_checks == 0:
             interpolate_fictitious_nodes(self.zone)
-            if mark_stretched_coarse_pairs(self.lattice, self.zone, self.settings.refinement_kappa):
-                self._refine_before_limit(step)
+            if mark_stretched_coarse_pairs(self.lattice, self.zone, self.settings.refinement_stretch_ratio):
+                self._refine_or_raise_if_over_limit(step)
         while self._sum_forces_and_break_bonds(step, dt):
-            self._refine_before_limit(step)
+            self._refine_or_raise_if_over_limit(step)
         sum_coarse_forces(self.lattice, self.zone)
         add_force_densities(self.zone.f, self.active_places, out)
 
@@ -123,7 +123,7 @@ class CollocationEngine:
         if self.zone.is_to_refine.any():
             self._refine_marked_nodes()
 
-    def _refine_before_limit(self, step: int) -> None:
+    def _refine_or_raise_if_over_limit(self, step: int) -> None:
         """Refine the nodes noted as wanted, unless a coarse pair has exceeded its limit already."""
         largest = self.zone_summary().clipped_stretch
         if largest > 1:
@@ -147,14 +147,16 @@ class CollocationEngine:
         zone.totals.damped_energy += (self.state.damped * self.area).sum()
         self.state.damped[:] = 0.0
         before = self._total_energy_of_nodes(np.zeros(0, dtype=np.int64))
-        self.activate_coarse_nodes(mask_coarse_nodes_left_active(self.lattice, kinds == COARSE, zone.is_to_refine))
+        self.set_active_coarse_nodes(
+            mask_coarse_nodes_after_refinement(self.lattice, kinds == COARSE, zone.is_to_refine)
+        )
         zone.is_to_refine[:] = False
         born = np.flatnonzero((self.zone.node_kinds == FINE) & (kinds != FINE))
-        interpolate_motion(self.state, self.lattice.numbering, born[kinds[born] != COARSE])
+        interpolate_motion_between_coarse_nodes(self.state, self.lattice.numbering, born[kinds[born] != COARSE])
         zone.totals.refinement_energy += self._total_energy_of_nodes(born) - before
         zone.counts.refinements += 1
 
-    def activate_coarse_nodes(self, is_active: NDArray[np.bool_]) -> None:
+    def set_active_coarse_nodes(self, is_active: NDArray[np.bool_]) -> None:
         """Let these coarse places, of those that may be, be the active nodes."""
         self.zone = zone_with_active_coarse_nodes(self.lattice, self.plate, self.zone, is_active)
         kinds = self.zone.node_kinds
@@ -200,7 +202,7 @@ class CollocationEngine:
         return float(self.zone.totals.damped_energy) + damped, work
 
     @property
-    def _checkpoint_fields(self) -> dict[str, NDArray[np.float64]]:
+    def _motion_fields_of_checkpoint(self) -> dict[str, NDArray[np.float64]]:
         """Fields (..., places) of active nodes, by their names in checkpoints."""
         u, v, a, _, work, damped = self.state
         fields = {"fine_u": u.T, "fine_v": v.T, "fine_a": a.T, "own_work": work, "damped": damped}
@@ -214,7 +216,7 @@ class CollocationEngine:
             "break_node": broken.node.astype(np.int32),
             "break_spring": broken.bond_number.copy(),
             **pulls_to_arrays(broken.step, broken.force_at_break, broken.stretch_growth_at_break),
-            **{name: field[..., places] for name, field in self._checkpoint_fields.items()},
+            **{name: field[..., places] for name, field in self._motion_fields_of_checkpoint.items()},
             "held_speed": drive.held_speed.copy(),
             "drive_force": drive.held_force.copy(),
             "total": zone.totals.values(),
@@ -230,15 +232,15 @@ class CollocationEngine:
             raise CheckpointError("coarse nodes are none at the start; they must be some of those")
         is_active[coarse] = True
         self._restore_breaks(checkpoint)
-        self.activate_coarse_nodes(is_active)
+        self.set_active_coarse_nodes(is_active)
         places, drive, zone = self.active_places, self.drive, self.zone
         if not np.array_equal(entry(checkpoint, "places", places.shape, np.int64), places):
             raise CheckpointError("places are not those of active nodes")
-        for name, field in self._checkpoint_fields.items():
+        for name, field in self._motion_fields_of_checkpoint.items():
             field[...] = 0.0
             field[..., places] = entry(checkpoint, name, (*field.shape[:-1], len(places)), float)
-        counts = Counts.of(like(checkpoint, "number", zone.counts.values()))
-        totals = Totals.of(like(checkpoint, "total", zone.totals.values()))
+        counts = ZoneCounts.of(like(checkpoint, "number", zone.counts.values()))
+        totals = EnergyTotals.of(like(checkpoint, "total", zone.totals.values()))
         if counts.broken_bonds != zone.counts.broken_bonds or (counts.values() < 0).any():
             raise CheckpointError(f"'number' has {counts.broken_bonds} broken bonds; {zone.counts.broken_bonds} broke")
         drive.held_speed[:] = like(checkpoint, "held_speed", drive.held_speed)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.collocation.bond_breaking import add_matching_and_second_forces, break_bonds_of_row
+from pdsolve.adaptivity.collocation.bond_breaking import add_release_forces_of_broken_bonds, break_bonds_of_row
 from pdsolve.adaptivity.collocation.row_stiffness import COMPUTED, WHOLE, store_row_stiffness
 from pdsolve.adaptivity.collocation.zone import COARSE
 from pdsolve.codegen.inner_functions import INNER
@@ -129,7 +129,7 @@ def break_stretched_bonds(lattice, zone, step, dt):  # type: ignore[no-untyped-d
         for row in zone.rows_with_fine_nodes:
             if zone.has_bond_over_limit[row]:  # as have the rows of both ends of a bond that breaks
                 _sum_forces_of_row(lattice, zone, row, scratch, lane_sums)
-    add_matching_and_second_forces(lattice, zone, step, dt)
+    add_release_forces_of_broken_bonds(lattice, zone, step, dt)
     return zone.counts.refinement_due != 0
 
 

@@ -39,8 +39,8 @@ SAME = 1e-12  # relative: areas this near to a whole cell are one
 OFF = 1e-6  # spacings: nodes this far from the lattice are not on it
 
 
-class Numbering(NamedTuple):
-    """Numbering of places."""
+class PlateNumbering(NamedTuple):
+    """PlateNumbering of places."""
 
     nx: int  # columns
     ny: int  # rows
@@ -54,7 +54,7 @@ class LatticeConstants(NamedTuple):
     """Constant arrays for compiled code; k bonds in a full family."""
 
     empty_law_columns: Any  # columns of no bonds, by whose type the law's functions are compiled
-    numbering: Numbering
+    numbering: PlateNumbering
     spacing: float  # m
     rho: float  # kg/m^3
     dt: float  # s
@@ -86,7 +86,7 @@ class CollocationPlate(NamedTuple):
     stiffness_index_of_row: NDArray[np.int32]  # (places / 16,) which of `row_stiffness` a row has, see there
 
 
-def create_numbering_and_places(model: Model, reach: int, error_hint: str) -> tuple[Numbering, NDArray[np.int64]]:
+def create_numbering_and_places(model: Model, reach: int, error_hint: str) -> tuple[PlateNumbering, NDArray[np.int64]]:
     """Places (n,) of a model's nodes, with margins for families `reach` spacings wide. Raises ModelError."""
     grid = model.grid
     if (grid.delta != grid.delta[0]).any():
@@ -97,12 +97,12 @@ def create_numbering_and_places(model: Model, reach: int, error_hint: str) -> tu
         raise ModelError(f"{model.name}: $.nodes has nodes on no lattice; put them on one, {error_hint}")
     nx, ny, left_margin = int(column.max()) + 1, int(row.max()) + 1, ROW * -(-reach // ROW)
     stride = ROW * -(-(left_margin + nx + reach) // ROW)
-    numbering = Numbering(nx, ny, left_margin, reach, stride, (ny + 2 * reach) * stride + 2 * ROW)
+    numbering = PlateNumbering(nx, ny, left_margin, reach, stride, (ny + 2 * reach) * stride + 2 * ROW)
     return numbering, (row + reach) * stride + left_margin + column
 
 
 def create_constants_and_plate(
-    model: Model, springs: Springs, numbering: Numbering, place_of_grid_row: NDArray[np.int64], stencil: Stencil
+    model: Model, springs: Springs, numbering: PlateNumbering, place_of_grid_row: NDArray[np.int64], stencil: Stencil
 ) -> tuple[LatticeConstants, CollocationPlate]:
     """Constant arrays of a plate, before its time step is chosen. Raises GridError, ModelError."""
     h, material = float(model.grid.delta[0]), model.materials[0]
@@ -178,7 +178,7 @@ def _create_plate(
 
 
 def _node_areas(
-    model: Model, numbering: Numbering, place_of_grid_row: NDArray[np.int64], grid_row_at_place: NDArray[np.int32]
+    model: Model, numbering: PlateNumbering, place_of_grid_row: NDArray[np.int64], grid_row_at_place: NDArray[np.int32]
 ) -> NDArray[np.float64]:
     """Areas (n,) of nodes, m^2: those of the grid, or else a quarter of each adjacent square between nodes."""
     if model.grid.areas is not None:
@@ -189,14 +189,14 @@ def _node_areas(
     return np.asarray(float(model.grid.delta[0]) ** 2 / 4 * around)
 
 
-def reshape_to_lattice(values: NDArray[Any], numbering: Numbering) -> NDArray[Any]:
+def reshape_to_lattice(values: NDArray[Any], numbering: PlateNumbering) -> NDArray[Any]:
     """View (ny, nx) of values (places,) at the places of the lattice."""
     rows = values[: numbering.place_count - 2 * ROW].reshape(-1, numbering.row_stride)
     rows = rows[numbering.row_margin : numbering.row_margin + numbering.ny]
     return rows[:, numbering.left_margin : numbering.left_margin + numbering.nx]
 
 
-def dilate_mask(marked: NDArray[np.bool_], numbering: Numbering, reach: int) -> NDArray[np.bool_]:
+def dilate_mask(marked: NDArray[np.bool_], numbering: PlateNumbering, reach: int) -> NDArray[np.bool_]:
     """Mask (places,) of places at most `reach` columns and rows from a marked one."""
     field = marked[: numbering.place_count - 2 * ROW].reshape(-1, numbering.row_stride)
     near = np.zeros(numbering.place_count, dtype=np.bool_)
@@ -204,7 +204,7 @@ def dilate_mask(marked: NDArray[np.bool_], numbering: Numbering, reach: int) -> 
     return near
 
 
-def mask_edge_rows(lattice: LatticeConstants) -> NDArray[np.bool_]:
+def mask_rows_without_full_families(lattice: LatticeConstants) -> NDArray[np.bool_]:
     """Mask (places / 16,) of rows with bonds that are not those of a full family."""
     odd = (lattice.cell_area_share[0] != 1) | (lattice.surface_correction != 1).any(axis=0)
     edge_rows = np.asarray(
@@ -215,7 +215,7 @@ def mask_edge_rows(lattice: LatticeConstants) -> NDArray[np.bool_]:
 
 
 def _mask_near_edges_and_cracks(
-    area_share: NDArray[np.float64], numbering: Numbering, cracks: NDArray[np.float64]
+    area_share: NDArray[np.float64], numbering: PlateNumbering, cracks: NDArray[np.float64]
 ) -> NDArray[np.bool_]:
     """Mask of places within a family's reach of a missing or partial cell, or of a pre-crack."""
     odd = area_share != 1

@@ -16,7 +16,7 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import count_bonds, list_bonds
 from pdsolve.adaptivity.collocation.row_stiffness import stiffness_of_bonds
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE
-from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_nodes
+from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_rows_with_spacing_and_areas
 from pdsolve.adaptivity.two_lattice_operator import EnergyBalanceTotals, TwoLatticeOperator
 from pdsolve.model import Model
 from pdsolve.state import Broken, State
@@ -46,7 +46,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         """The model of the n current nodes, without conditions."""
         rows = self.engine.plate.grid_row_at_place[self.places].astype(np.int64)
         widths = np.where(self._kind[self.places] == COARSE, 2.0, 1.0)
-        return model_of_nodes(self.engine.plate.model, rows, widths, self.area)
+        return model_of_rows_with_spacing_and_areas(self.engine.plate.model, rows, widths, self.area)
 
     @cached_property
     def initial_bond_counts_and_family_sizes(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -59,7 +59,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         return count, family
 
     @property
-    def node_signatures(self) -> NDArray[np.int64]:
+    def node_and_bond_signatures(self) -> NDArray[np.int64]:
         """Signature (n,) that changes if a node or its bonds change."""
         share = np.round(self.area / self.engine.lattice.spacing**2 * 64).astype(
             np.int64
@@ -67,14 +67,14 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         return np.where(self._kind[self.places] == FINE, 1 + self.initial_bond_counts_and_family_sizes[0], -share)
 
     @property
-    def is_current(self) -> bool:
+    def nodes_are_unchanged(self) -> bool:
         """Whether no nodes have been switched since this operator was made."""
         return bool(self.engine.zone.counts.refinements == self._switches)
 
-    def operator_if_changed(self) -> CollocationOperator | None:
+    def new_operator_if_nodes_changed(self) -> CollocationOperator | None:
         """The operator on the current nodes if they have changed, else None."""
         self.engine.refine_nodes_if_any_marked()
-        return None if self.is_current else CollocationOperator(self.engine)
+        return None if self.nodes_are_unchanged else CollocationOperator(self.engine)
 
     def _write_node_motion(self, state: State) -> None:
         """Set the active nodes to the values and rates of a state; fictitious nodes are interpolated."""
@@ -138,13 +138,13 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         dissipated = float(engine.zone.totals.dissipated_energy)
         return EnergyBalanceTotals(kinetic, self._strain, dissipated, damped, work, x, y, len(self.broken().step))
 
-    def load_forces(self, profile_count: int) -> NDArray[np.float64]:
+    def load_force_by_profile(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, of the loads at factor 1."""
         loads, forces = self.engine.drive.loads, np.zeros((profile_count, 2))
         np.add.at(forces, (loads.profile, loads.axis), loads.value * self.engine.area[loads.node])
         return forces
 
-    def holding_forces(self, profile_count: int) -> NDArray[np.float64]:
+    def constraint_force_by_profile(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, that hold the nodes with prescribed motion."""
         drive, forces = self.engine.drive, np.zeros((profile_count, 2))
         holds = drive.holds
@@ -152,12 +152,12 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         return forces
 
     def bonds(
-        self, first: int = 0, last: int | None = None, start: bool = False
+        self, first_row: int = 0, end_row: int | None = None, at_start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
-        `start`."""
-        lattice, places = self.engine.lattice, self.places[first:last]
-        cut = (self.engine.plate if start else self.engine.zone).cut_bond_bits
+        """Source and target rows (k,) of the intact bonds of nodes `first_row` to `end_row` - 1, or of those at the
+        start, if `at_start`."""
+        lattice, places = self.engine.lattice, self.places[first_row:end_row]
+        cut = (self.engine.plate if at_start else self.engine.zone).cut_bond_bits
         fine, coarse = (places[self._kind[places] == kind] for kind in (FINE, COARSE))
         node, k = list_bonds(lattice, cut, self._is_active, fine)
         ways = lattice.coarse_stencil_place_offsets[lattice.coarse_stencil_place_offsets != 0]
@@ -167,8 +167,8 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         order = np.lexsort((target, source))
         return source[order], target[order]
 
-    def broken(self, after: int = 0) -> Broken:
+    def broken(self, after_step: int = 0) -> Broken:
         """Bonds broken after a step: step, source row and target row of each."""
         breaks = self.engine.break_events()
         ends = self._row_of[[breaks.node, breaks.node + self.engine.lattice.neighbour_offsets[breaks.bond_number]]]
-        return Broken(np.tile(breaks.step.astype(np.int64), 2), ends.ravel(), ends[::-1].ravel()).after(after)
+        return Broken(np.tile(breaks.step.astype(np.int64), 2), ends.ravel(), ends[::-1].ravel()).after(after_step)

@@ -11,8 +11,8 @@ from pdmesh.model.material_constants import pressure_speed
 from pdsolve.adaptivity.collocation.engine import CollocationEngine, CollocationSettings
 from pdsolve.adaptivity.collocation.layout import create_constants_and_plate, create_numbering_and_places
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
-from pdsolve.adaptivity.collocation.row_stiffness import largest_stiffness_bound, share_stiffness_of_equal_rows
-from pdsolve.adaptivity.collocation.zone import mask_coarse_candidates
+from pdsolve.adaptivity.collocation.row_stiffness import largest_stiffness_bound, store_stiffness_once_for_equal_rows
+from pdsolve.adaptivity.collocation.zone import mask_possible_coarse_nodes
 from pdsolve.adaptivity.hybrid.coarse_cells import check_model_supported, create_unsupported_error
 from pdsolve.conditions import drive, initial_velocity
 from pdsolve.model import Model
@@ -49,7 +49,7 @@ def create_collocation_operator_and_stable_step(
         model, int(np.abs(springs.family_dx).max()), f"as run.adapt is {model.settings.run.adapt}"
     )
     lattice, plate = create_constants_and_plate(model, springs, at, place, stencil)
-    lattice, plate = share_stiffness_of_equal_rows(lattice, plate)
+    lattice, plate = store_stiffness_once_for_equal_rows(lattice, plate)
     # of fine nodes: those at edges, and one full family for all others
     odd = np.flatnonzero((plate.grid_row_at_place >= 0) & ~plate.has_full_family)
     stiffness = largest_stiffness_bound(
@@ -71,7 +71,7 @@ def create_collocation_operator_and_stable_step(
     )
     drive_of_places = drive_of_rows._replace(force=force, before=before, loads=loads, holds=holds)
     engine = CollocationEngine(
-        plate, lattice, mask_coarse_candidates(lattice, plate, margin), drive_of_places, settings
+        plate, lattice, mask_possible_coarse_nodes(lattice, plate, margin), drive_of_places, settings
     )
     engine.set_initial_motion(initial_velocity(model))
     return CollocationOperator(engine), bound

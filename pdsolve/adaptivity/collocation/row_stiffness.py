@@ -17,7 +17,7 @@ from pdsolve.adaptivity.collocation.layout import (
     CollocationPlate,
     LatticeConstants,
     is_bond_cut,
-    mask_edge_rows,
+    mask_rows_without_full_families,
 )
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
@@ -32,13 +32,13 @@ ROOM = 2**26  # bytes of stiffnesses that are kept, at most
 ALIKE = 4  # rows, at least, for which it is worth it
 
 
-def share_stiffness_of_equal_rows(
+def store_stiffness_once_for_equal_rows(
     lattice: LatticeConstants, plate: CollocationPlate
 ) -> tuple[LatticeConstants, CollocationPlate]:
     """Both with the stiffnesses of rows, stored once for equal rows."""
-    at_edge, is_cut = mask_edge_rows(lattice), plate.cut_bond_bits.any(axis=1)
+    at_edge, is_cut = mask_rows_without_full_families(lattice), plate.cut_bond_bits.any(axis=1)
     rows = np.flatnonzero(at_edge & (lattice.cell_area_share[0] > 0).reshape(-1, ROW).any(axis=1))
-    first, number, count = _distinct_rows(_classify_row_surroundings(lattice, rows))
+    first, number, count = _distinct_rows(_number_distinct_row_surroundings(lattice, rows))
     often = np.argsort(-count, kind="stable")[: ROOM // (8 * ROW * len(lattice.neighbour_offsets))]
     often = often[count[often] >= ALIKE]
     index_of_kind = np.full(len(count), COMPUTED)
@@ -51,7 +51,7 @@ def share_stiffness_of_equal_rows(
     return lattice._replace(row_stiffness=stiffness), plate._replace(stiffness_index_of_row=index)
 
 
-def _classify_row_surroundings(lattice: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+def _number_distinct_row_surroundings(lattice: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int64]:
     """Surroundings of each of these rows (r, ...) within reach of its bonds; rows with equal surroundings are equal."""
     numbering, wide = lattice.numbering, -(-lattice.numbering.row_margin // ROW)
     what = (

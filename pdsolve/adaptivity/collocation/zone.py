@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.collocation.layout import (
     CollocationPlate,
     LatticeConstants,
-    Numbering,
+    PlateNumbering,
     dilate_mask,
     reshape_to_lattice,
 )
@@ -32,7 +32,7 @@ from pdsolve.state import State
 NONE, FINE, COARSE, BETWEEN = range(4)  # places: without a node; active ones; those that are interpolated
 
 
-class Totals(Record):
+class EnergyTotals(Record):
     """Energies since the start, and stretches of coarse pairs. Checkpoints hold them in this order."""
 
     dissipated_energy: float  # J/m, by bonds
@@ -41,7 +41,7 @@ class Totals(Record):
     damped_energy: float  # J/m, taken by damping before nodes were switched last
 
 
-class Counts(Record):
+class ZoneCounts(Record):
     """Numbers of events. Checkpoints hold them in this order."""
 
     broken_bonds: int  # in `break_events`
@@ -65,12 +65,12 @@ class CollocationZone(NamedTuple):
     node_dissipation: NDArray[np.float64]  # (places,) J/m, by a node's bonds so far
     has_bond_over_limit: NDArray[np.bool_]  # (places / 16,) of rows with fine nodes
     is_to_refine: NDArray[np.bool_]  # (places,) nodes around which fine ones are wanted
-    totals: Totals
-    counts: Counts
+    totals: EnergyTotals
+    counts: ZoneCounts
     break_events: BreakEvents
 
 
-def parent_places(numbering: Numbering, places: NDArray[np.int64]) -> NDArray[np.int64]:
+def coarse_parent_places(numbering: PlateNumbering, places: NDArray[np.int64]) -> NDArray[np.int64]:
     """Coarse places (n, 4) that these lie on or between, each repeated according to its weight."""
     row, column = np.divmod(places, numbering.row_stride)
     right, up = (column - numbering.left_margin) % 2, (row - numbering.row_margin) % 2
@@ -79,7 +79,7 @@ def parent_places(numbering: Numbering, places: NDArray[np.int64]) -> NDArray[np
     return np.stack([corner, corner + across, corner + along, corner + across + along], 1)
 
 
-def mask_coarse_candidates(lattice: LatticeConstants, plate: CollocationPlate, margin: int) -> NDArray[np.bool_]:
+def mask_possible_coarse_nodes(lattice: LatticeConstants, plate: CollocationPlate, margin: int) -> NDArray[np.bool_]:
     """Mask (places,) of coarse places that may be active.
 
     They are not beside a node with a condition, nor within `margin` spacings of one without a whole family. Bonds have
@@ -92,7 +92,7 @@ def mask_coarse_candidates(lattice: LatticeConstants, plate: CollocationPlate, m
     may_be_active = np.zeros(len(odd), dtype=np.bool_)
     reshape_to_lattice(may_be_active, lattice.numbering)[::2, ::2] = True
     may_be_active &= plate.has_full_family & ~odd
-    may_be_active[parent_places(lattice.numbering, fine).ravel()] = False
+    may_be_active[coarse_parent_places(lattice.numbering, fine).ravel()] = False
     return may_be_active
 
 
@@ -101,7 +101,7 @@ def node_kinds_at_places(
 ) -> NDArray[np.uint8]:
     """Kind of each place if these coarse nodes are active."""
     kinds = np.zeros(lattice.numbering.place_count, dtype=np.uint8)
-    around = is_active[parent_places(lattice.numbering, plate.place_of_grid_row)].all(axis=1)
+    around = is_active[coarse_parent_places(lattice.numbering, plate.place_of_grid_row)].all(axis=1)
     kinds[plate.place_of_grid_row] = np.where(
         around, np.where(is_active[plate.place_of_grid_row], COARSE, BETWEEN), FINE
     )
@@ -117,7 +117,9 @@ def areas_of_active_nodes(
     fine = kind == FINE
     areas[plate.place_of_grid_row[fine]] = plate.node_areas[fine]
     np.add.at(
-        areas, parent_places(lattice.numbering, plate.place_of_grid_row[~fine]), plate.node_areas[~fine, None] / 4
+        areas,
+        coarse_parent_places(lattice.numbering, plate.place_of_grid_row[~fine]),
+        plate.node_areas[~fine, None] / 4,
     )
     return areas
 
@@ -140,8 +142,8 @@ def create_collocation_zone(plate: CollocationPlate, state: State) -> Collocatio
         node_dissipation=np.zeros(places),
         has_bond_over_limit=np.zeros(places // ROW, dtype=np.bool_),
         is_to_refine=np.zeros(places, dtype=np.bool_),
-        totals=Totals.of(),
-        counts=Counts.of(),
+        totals=EnergyTotals.of(),
+        counts=ZoneCounts.of(),
         break_events=BreakEvents(step, nothing, number, *np.zeros((2, 0))),
     )
 
@@ -159,7 +161,7 @@ def zone_with_active_coarse_nodes(
         rows_with_fine_nodes=np.flatnonzero(has_fine),
         rows_with_coarse_nodes=np.flatnonzero((kinds == COARSE).reshape(-1, ROW).any(axis=1)),
         active_coarse_places=np.flatnonzero(kinds == COARSE),
-        fictitious_nodes=np.column_stack([reached, parent_places(numbering, reached)]),
+        fictitious_nodes=np.column_stack([reached, coarse_parent_places(numbering, reached)]),
     )
 
 
@@ -173,19 +175,19 @@ def mask_nodes_near_border(
     return np.asarray(near & ~plate.has_condition)
 
 
-def interpolate_motion(state: State, numbering: Numbering, places: NDArray[np.int64]) -> None:
+def interpolate_motion_between_coarse_nodes(state: State, numbering: PlateNumbering, places: NDArray[np.int64]) -> None:
     """Interpolate the motion of nodes between coarse ones."""
     for field in state[:3]:
-        field[places] = field[parent_places(numbering, places)].mean(axis=1)
+        field[places] = field[coarse_parent_places(numbering, places)].mean(axis=1)
 
 
-def mask_coarse_nodes_left_active(
+def mask_coarse_nodes_after_refinement(
     lattice: LatticeConstants, coarse_active: NDArray[np.bool_], is_to_refine: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """The coarse nodes that stay active when the neighbourhoods of the `is_to_refine` nodes are refined."""
     numbering, stays_active = lattice.numbering, coarse_active.copy()
     ways = 2 * ball(numbering.row_margin // 2, 2)
-    centres = np.unique(parent_places(numbering, np.flatnonzero(is_to_refine)))
+    centres = np.unique(coarse_parent_places(numbering, np.flatnonzero(is_to_refine)))
     around = (centres[:, None] + ways[:, 1] * numbering.row_stride + ways[:, 0]).ravel()
     stays_active[around[(around >= 0) & (around < len(stays_active))]] = False
     return stays_active

@@ -58,18 +58,18 @@ def choose_adaptivity(model: Model, options: Options) -> Model:
     return with_adaptivity(model, how) if how == "hybrid" else with_fine_nodes_everywhere(model)
 
 
-def widen_zone_or_refine_everywhere(model: Model) -> Model:
+def model_with_wider_zone_or_fine_everywhere(model: Model) -> Model:
     """The model with cells that become fine sooner, or with fine nodes everywhere where no wider zone is left."""
-    kappa = next((wider for wider in WIDER if wider < refinement_kappa(model)), None)
-    return with_fine_nodes_everywhere(model) if kappa is None else with_refinement_kappa(model, kappa)
+    kappa = next((wider for wider in WIDER if wider < refinement_stretch_ratio(model)), None)
+    return with_fine_nodes_everywhere(model) if kappa is None else model_with_refinement_stretch_ratio(model, kappa)
 
 
-def refinement_kappa(model: Model) -> float:
+def refinement_stretch_ratio(model: Model) -> float:
     """The share of the stretch that breaks bonds at which cells become fine."""
     return model.settings.run.hybrid.kappa
 
 
-def with_refinement_kappa(model: Model, kappa: float) -> Model:
+def model_with_refinement_stretch_ratio(model: Model, kappa: float) -> Model:
     """The model with cells that become fine at this share of the stretch that breaks bonds."""
     return with_adaptivity(model, "hybrid", hybrid=msgspec.structs.replace(model.settings.run.hybrid, kappa=kappa))
 
@@ -125,7 +125,7 @@ def predict_zone_size_and_cost(model: Model, options: Options) -> ZoneSizeAndCos
     q = _estimate_largest_strain(model) / (
         model.settings.run.hybrid.kappa * min(material_springs.peak_stretch for material_springs in springs)
     )
-    run, side = model.settings.run, float(np.sqrt(plate.area_in_cells) * plate.spacing)
+    run, side = model.settings.run, float(np.sqrt(plate.plate_area_over_cell_area) * plate.spacing)
     material = model.materials[0]
     lasts = run.duration if run.duration is not None else run.steps * (run.time_step or 0.0)
     way = SPEED * rayleigh_speed(material.E, material.rho, material.plane) * lasts
@@ -133,7 +133,7 @@ def predict_zone_size_and_cost(model: Model, options: Options) -> ZoneSizeAndCos
         len(precrack_tips(plate)), int(begins > 0)
     )  # of pre-cracks, else one where an outline makes cells fine
     length = cracks * min(way or side, side)
-    grows = STRIP * plate.spacing * length / (plate.area_in_cells * plate.spacing**2)
+    grows = STRIP * plate.spacing * length / (plate.plate_area_over_cell_area * plate.spacing**2)
     ends = 1.0 if q >= 1 else min(begins + grows, 1.0)
     mean = begins + GROWN * (ends - begins)
     return ZoneSizeAndCostPrediction(begins, ends, q, EVEN + FIXED / len(model.grid) + FINE_NODES * mean)
@@ -169,7 +169,7 @@ def _largest_absolute_components(
     return np.array([largest(value, position) for value in vector])
 
 
-def explain_fine_zone_too_late(error: BaseException, time_step: float, stable_time_step: float) -> BaseException:
+def error_of_too_late_fine_zone(error: BaseException, time_step: float, stable_time_step: float) -> BaseException:
     """The error; UnstableError for a zone that was late in time steps, s, longer than the stable one, as no wider zone
     cures that."""
     if not isinstance(error, FineZoneTooLateError) or time_step <= UNSURE * stable_time_step:

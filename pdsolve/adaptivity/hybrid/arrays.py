@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.node_constants import NodeConstants
 from pdsolve.codegen.record import Record
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.zone.bond_parts import BondParts
+from pdsolve.zone.bond_parts import BondPartsInCells
 from pdsolve.zone.cells import ZoneNumbering
 
 EVERY = 8  # steps between two looks at what has broken and what is stretched
@@ -36,9 +36,9 @@ class LatticeConstants(NamedTuple):
     coarse_dy: NDArray[np.int64]
     coarse_spring_table: NDArray[np.float64]  # (8, 8) of the first material
     coarse_neighbour_offsets: NDArray[np.int64]  # (8,)
-    far_spring_table: NDArray[np.float64]  # (8, 8), likewise of cells of 4 h, which are of one material
-    far_neighbour_offsets: NDArray[np.int64]  # (8,)
-    bond_parts: BondParts
+    coarsest_spring_table: NDArray[np.float64]  # (8, 8), likewise of cells of 4 h, which are of one material
+    coarsest_neighbour_offsets: NDArray[np.int64]  # (8,)
+    bond_parts: BondPartsInCells
     family_reach: int  # h, of the family along an axis
     softens_or_limits_vary: (
         bool  # whether bonds soften, or differ in what breaks them; then `fine.threshold_strain` is in use
@@ -94,7 +94,7 @@ class LatticeNodes(NamedTuple):
     damped_energy: NDArray[np.float64] | None  # (n,) J/m, taken from a node by damping so far
 
 
-class PieceSpring(Record):
+class BondPieceSpring(Record):
     """The remaining piece of a clipped bond as a spring."""
 
     owner_node: int  # the lower node of the bond
@@ -107,7 +107,7 @@ class PieceSpring(Record):
     swelling_y: float
 
 
-class PieceEnd(Record):
+class BondPieceEnd(Record):
     """An end of a piece: a fine node, or a place that moves with two coarse nodes."""
 
     first_node: int
@@ -115,11 +115,11 @@ class PieceEnd(Record):
     second_weight: float
 
 
-class ClippedPieces(NamedTuple):
+class ClippedBondPieces(NamedTuple):
     """The remaining pieces of clipped bonds, ordered by their owners."""
 
-    springs: NDArray[PieceSpring]  # (p,)
-    ends: NDArray[PieceEnd]  # (p, 2)
+    springs: NDArray[BondPieceSpring]  # (p,)
+    ends: NDArray[BondPieceEnd]  # (p, 2)
 
 
 class BorderNode(Record):
@@ -127,8 +127,8 @@ class BorderNode(Record):
     ones."""
 
     border_node: int
-    first_carrier: int
-    second_carrier: int
+    first_coarser_node: int
+    second_coarser_node: int
     second_weight: float
     swelling_x: float  # how far it is off the line between those, where nodes swell, m
     swelling_y: float
@@ -175,7 +175,7 @@ class BreakEvents(NamedTuple):
     stretch_growth_at_break: NDArray[np.float64]  # of its stretch in that step
 
 
-class Counts(Record):
+class ZoneCounts(Record):
     """How many entries of the arrays of a zone are in use. Checkpoints hold the first `STORED`, in this order."""
 
     active_fine_rows: int  # of 16 places with a node that is not idle, in `fine.active_rows`
@@ -193,15 +193,15 @@ class Counts(Record):
     affected_fine_nodes: int  # in `affected_fine_nodes` of the zone
     affected_coarse_nodes: int  # in `affected_coarse_nodes` of the zone
     lacks_array_room: int  # 1 where the arrays are too short for what comes next, or 0
-    active_far_node_rows: int  # of 16 places, in `far.active_rows`
+    active_coarsest_rows: int  # of 16 places, in `far.active_rows`
     tied_nodes: int  # coarse nodes on the border of far cells
-    affected_far_nodes: int  # nodes 4 h apart, in `affected_far_nodes` of the zone
+    affected_coarsest_nodes: int  # nodes 4 h apart, in `affected_coarsest_nodes` of the zone
 
 
 STORED = 10
 
 
-class Totals(Record):
+class EnergyTotals(Record):
     """Energies since the start, and stretches of clipped bonds. Checkpoints hold them in this order."""
 
     work: float  # J/m, of loads and of what holds nodes
@@ -220,8 +220,8 @@ class PlateZone(NamedTuple):
     coarse: LatticeNodes
     far: LatticeNodes  # 4 h apart
     tied_coarse_nodes: NDArray[BorderNode]  # coarse nodes on the border of cells of 4 h, which move with far ones
-    clipped_pieces: ClippedPieces
-    spare_clipped_pieces: ClippedPieces
+    clipped_pieces: ClippedBondPieces
+    spare_clipped_pieces: ClippedBondPieces
     border_nodes: NDArray[BorderNode]
     break_events: BreakEvents
     node_dissipation: NDArray[np.float64]  # (n,) J/m, by the bonds of a fine node so far
@@ -233,16 +233,16 @@ class PlateZone(NamedTuple):
     new_cells: NDArray[np.int64]  # scratch: cells that are to be fine
     affected_fine_nodes: NDArray[np.int64]  # scratch: fine nodes that change with new cells
     affected_coarse_nodes: NDArray[np.int64]  # scratch: coarse nodes, likewise
-    affected_far_nodes: NDArray[np.int64]  # scratch: nodes 4 h apart, likewise
-    counts: Counts
-    totals: Totals
+    affected_coarsest_nodes: NDArray[np.int64]  # scratch: nodes 4 h apart, likewise
+    counts: ZoneCounts
+    totals: EnergyTotals
     lane_sums: NDArray[np.float64]  # (threads, .) scratch of the vector code
     job_counters: NDArray[np.int64]  # (64,) what has been handed out to threads; see `hybrid.forces`
     breaking_rows: NDArray[np.int64]  # (threads, .) where bonds are to break
     breaking_row_counts: NDArray[np.int64]  # (8 threads,) how many, of each thread at a multiple of 8
 
 
-def allocate_idle_nodes(
+def allocate_lattice_node_arrays(
     place_count: int,
     spring_count: int,
     stiffness_rows: int,
@@ -305,20 +305,20 @@ def create_plate_zone(
         np.zeros(0, LoadOrPrescribedMotion.fields()), np.zeros((0, 2), np.int64), np.zeros(0)
     )
 
-    def pieces() -> ClippedPieces:
-        return ClippedPieces(np.zeros(piece, PieceSpring.fields()), np.zeros((piece, 2), PieceEnd.fields()))
+    def pieces() -> ClippedBondPieces:
+        return ClippedBondPieces(np.zeros(piece, BondPieceSpring.fields()), np.zeros((piece, 2), BondPieceEnd.fields()))
 
     events, nodes = ROW * row_count * spring_count, ROW * row_count
     return PlateZone(
         cell_kinds=cells,
         broken_bond_bits=allocate_zeros(numbering.fine.place_count, dtype=np.uint64),
-        fine=allocate_idle_nodes(
+        fine=allocate_lattice_node_arrays(
             numbering.fine.place_count, spring_count, row_count, dtype, softens_or_limits_vary, swells, damps
         ),
-        coarse=allocate_idle_nodes(
+        coarse=allocate_lattice_node_arrays(
             numbering.coarse.place_count, 8, numbering.coarse.place_count // ROW, dtype, swells=swells, damps=damps
         ),
-        far=allocate_idle_nodes(
+        far=allocate_lattice_node_arrays(
             numbering.far.place_count, 8, numbering.far.place_count // ROW, dtype, swells=swells, damps=damps
         ),
         tied_coarse_nodes=allocate_zeros(numbering.coarse.place_count, dtype=BorderNode.fields()),
@@ -337,9 +337,9 @@ def create_plate_zone(
         new_cells=allocate_zeros(numbering.cells.place_count, dtype=np.int64),
         affected_fine_nodes=allocate_zeros(numbering.fine.place_count, dtype=np.int64),
         affected_coarse_nodes=allocate_zeros(numbering.coarse.place_count, dtype=np.int64),
-        affected_far_nodes=allocate_zeros(numbering.far.place_count, dtype=np.int64),
-        counts=Counts.of(),
-        totals=Totals.of(),
+        affected_coarsest_nodes=allocate_zeros(numbering.far.place_count, dtype=np.int64),
+        counts=ZoneCounts.of(),
+        totals=EnergyTotals.of(),
         lane_sums=allocate_zeros(threads, 3 * ROW, dtype=dtype),
         job_counters=np.zeros(64, dtype=np.int64),
         breaking_rows=allocate_zeros(threads, 2 * numbering.fine.place_count // ROW, dtype=np.int64),
@@ -364,10 +364,10 @@ def double_array_lengths(zone: PlateZone) -> PlateZone:
             spring_lane_masks=double_array_length(fine.spring_lane_masks, rows),
             uses_spring_lane_masks=double_array_length(fine.uses_spring_lane_masks, rows),
         ),
-        clipped_pieces=ClippedPieces(
+        clipped_pieces=ClippedBondPieces(
             *(double_array_length(array, counts.clipped_pieces) for array in zone.clipped_pieces)
         ),
-        spare_clipped_pieces=ClippedPieces(*(double_array_length(array, 0) for array in zone.spare_clipped_pieces)),
+        spare_clipped_pieces=ClippedBondPieces(*(double_array_length(array, 0) for array in zone.spare_clipped_pieces)),
         border_nodes=double_array_length(zone.border_nodes, counts.border_nodes),
         break_events=BreakEvents(*(double_array_length(array, counts.broken_bonds) for array in zone.break_events)),
     )

@@ -61,7 +61,7 @@ def _record_break(zone, step, p, k, breaking_force, stretch_growth):  # type: ig
 
 
 @njit(**INNER)
-def _ensure_row_stiffness_index(zone, row):  # type: ignore[no-untyped-def]
+def _find_or_add_stiffness_index_of_row(zone, row):  # type: ignore[no-untyped-def]
     """Index of a row's own stiffnesses, which it gets if it has none."""
     if zone.fine.stiffness_index_of_row[row] < 0:
         zone.fine.stiffness_index_of_row[row] = find_or_reserve_stiffness_index(
@@ -114,7 +114,7 @@ def soften_and_break_bonds(lattice, zone, u, first_node, count, step):  # type: 
             ):
                 continue
             _mark_damaged_node(zone, p)
-            entry = _ensure_row_stiffness_index(zone, row)
+            entry = _find_or_add_stiffness_index_of_row(zone, row)
             full_stiffness, past = _unsoftened_stiffness_and_history(fine, entry, k, lane, full_stiffness, peak, limit)
             if peak < limit:
                 _soften_bond(lattice, zone, p, entry, k, e, peak, limit)
@@ -147,7 +147,7 @@ def soften_and_break_bonds(lattice, zone, u, first_node, count, step):  # type: 
 
 
 @njit(**INNER)
-def add_second_forces(lattice, zone, u, step):  # type: ignore[no-untyped-def]
+def add_second_release_forces(lattice, zone, u, step):  # type: ignore[no-untyped-def]
     """Add the second pulls of the bonds that broke one step ago to the forces f, which have all others."""
     fine, breaks, n = zone.fine, zone.break_events, zone.counts.broken_bonds
     while n > 0 and breaks.step[n - 1] == step:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.nodes import coarse_carriers_on_edge
+from pdsolve.adaptivity.hybrid.nodes import coarse_interpolation_nodes_on_edge
 from pdsolve.adaptivity.hybrid.precracks import (
     full_bond_stiffness,
     is_bond_intact,
@@ -20,22 +20,32 @@ from pdsolve.adaptivity.hybrid.precracks import (
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.laws.pair_laws.bilinear import intact_share
-from pdsolve.zone.bond_parts import lowest_cell_around, next_piece
-from pdsolve.zone.cells import EMPTY, FINE, IDLE, VOID, add_step, cell_at, coordinates, place_at, position_in_cell
+from pdsolve.zone.bond_parts import lowest_cell_around, next_parts_outside_coarse_cells
+from pdsolve.zone.cells import (
+    EMPTY,
+    FINE,
+    IDLE,
+    VOID,
+    add_step,
+    cell_at,
+    corner_number_in_cell,
+    lattice_coordinates,
+    place_number_at,
+)
 from pdsolve.zone.springs import INVERSE, X, Y
 
 EVERY = np.uint64(2**64 - 1)  # all cells that bonds of a node could pass through
 
 
 @njit(**INNER)
-def _fine_and_plate_cell_bits(lattice, cells, x):  # type: ignore[no-untyped-def]
+def _bit_masks_of_fine_and_plate_cells_around(lattice, cells, x):  # type: ignore[no-untyped-def]
     """The cells around fine node x (2,) that are not coarse, so that bonds are whole there, and those of the plate: a
-    bit each, as `BondParts.side_cell_bits` has them."""
+    bit each, as `BondPartsInCells.side_cell_bits` has them."""
     unclipped_bond_bits, plate_bits, bit = EVERY, np.uint64(0), np.uint64(1)
     bond_parts = lattice.bond_parts
     (left_side, low), wide = lowest_cell_around(x, bond_parts.lowest_cell_offset), bond_parts.cells_around_per_axis
     for row in range(low, low + wide):
-        first = place_at(lattice.numbering.cells, (left_side, row))
+        first = place_number_at(lattice.numbering.cells, (left_side, row))
         for c in range(first, first + wide):
             cell_kind = cells[c]
             unclipped_bond_bits &= EVERY if cell_kind in (FINE, EMPTY) else ~bit
@@ -45,7 +55,7 @@ def _fine_and_plate_cell_bits(lattice, cells, x):  # type: ignore[no-untyped-def
 
 
 @njit(forceinline=True, **INNER)
-def _count_bond_sides(lattice, position, k, unclipped_bond_bits, plate_bits):  # type: ignore[no-untyped-def]
+def _count_sides_with_plate_whole_bond_and_parts(lattice, position, k, unclipped_bond_bits, plate_bits):  # type: ignore[no-untyped-def]
     """On how many sides of a bond there are cells of the plate, on how many of them it is whole, and on how many it has
     a part in other cells than coarse ones."""
     sides = whole_sides = fine_sides = 0
@@ -59,7 +69,7 @@ def _count_bond_sides(lattice, position, k, unclipped_bond_bits, plate_bits):  #
 
 
 @njit(**INNER)
-def set_row_stiffness(lattice, zone, row):  # type: ignore[no-untyped-def]
+def set_bond_stiffnesses_of_row(lattice, zone, row):  # type: ignore[no-untyped-def]
     """Set the stiffnesses of the marked nodes of a row; returns whether all of the row are those of the table."""
     fine = zone.fine
     if not row_has_active_node(fine.node_kinds, row):
@@ -71,11 +81,11 @@ def set_row_stiffness(lattice, zone, row):  # type: ignore[no-untyped-def]
     for lane in range(ROW):
         p = row * ROW + lane
         if zone.is_node_marked[p]:
-            _set_lane_stiffness(
+            _set_bond_stiffnesses_of_node(
                 lattice, zone.cell_kinds, zone.broken_bond_bits, fine.node_kinds, p, row_stiffness, lane
             )
             if lattice.softens_or_limits_vary and zone.is_damaged[p]:
-                _soften_lane_stiffness(lattice, p, row_stiffness, fine.threshold_strain[entry], lane)
+                _soften_bond_stiffnesses_of_node(lattice, p, row_stiffness, fine.threshold_strain[entry], lane)
     masks, alike = fine.spring_lane_masks[entry], not lattice.softens_or_limits_vary
     for k in range(len(lattice.family_dx)):
         full_stiffness, spring_lanes, half = lattice.spring_table[k, 5], 0, 0
@@ -123,7 +133,7 @@ def remaining_stiffness_share(largest_strain, peak_strain, limit_strain):  # typ
 
 
 @njit(**INNER)
-def _soften_lane_stiffness(lattice, p, row_stiffness, threshold_strain, lane):  # type: ignore[no-untyped-def]
+def _soften_bond_stiffnesses_of_node(lattice, p, row_stiffness, threshold_strain, lane):  # type: ignore[no-untyped-def]
     """Reduce the stiffnesses of a node by the softening so far."""
     for k in range(len(lattice.family_dx)):
         peak, limit = peak_and_limit_strain(lattice, p, k)
@@ -141,16 +151,18 @@ def row_has_active_node(node_kinds, row):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _set_lane_stiffness(lattice, cells, broken_bond_bits, node_kinds, p, row_stiffness, lane):  # type: ignore[no-untyped-def]
-    x = coordinates(lattice.numbering.fine, p)
-    position = position_in_cell(x)
+def _set_bond_stiffnesses_of_node(lattice, cells, broken_bond_bits, node_kinds, p, row_stiffness, lane):  # type: ignore[no-untyped-def]
+    x = lattice_coordinates(lattice.numbering.fine, p)
+    position = corner_number_in_cell(x)
     row_stiffness[:, lane] = 0.0
     if node_kinds[p] == IDLE:
         return
-    unclipped_bond_bits, plate_bits = _fine_and_plate_cell_bits(lattice, cells, x)
+    unclipped_bond_bits, plate_bits = _bit_masks_of_fine_and_plate_cells_around(lattice, cells, x)
     for k in range(len(lattice.family_dx)):
         if is_bond_intact(lattice, broken_bond_bits, p, k):
-            sides, whole_sides, _ = _count_bond_sides(lattice, position, k, unclipped_bond_bits, plate_bits)
+            sides, whole_sides, _ = _count_sides_with_plate_whole_bond_and_parts(
+                lattice, position, k, unclipped_bond_bits, plate_bits
+            )
             row_stiffness[k, lane] = full_bond_stiffness(lattice, p, k) * (whole_sides / sides if sides > 0 else 0.0)
 
 
@@ -167,16 +179,18 @@ def find_or_reserve_stiffness_index(stiffness_indices, counts, row):  # type: ig
 
 
 @njit(**INNER)
-def append_pieces_of_node(lattice, cells, broken_bond_bits, node_kinds, p, pieces, count):  # type: ignore[no-untyped-def]
+def append_bond_pieces_of_node(lattice, cells, broken_bond_bits, node_kinds, p, pieces, count):  # type: ignore[no-untyped-def]
     """Append the pieces of the bonds that a fine node owns; returns the new number of pieces."""
     numbering, bond_parts, half = lattice.numbering, lattice.bond_parts, len(lattice.family_dx) // 2
-    x = coordinates(numbering.fine, p)
-    position = position_in_cell(x)
-    unclipped_bond_bits, plate_bits = _fine_and_plate_cell_bits(lattice, cells, x)
+    x = lattice_coordinates(numbering.fine, p)
+    position = corner_number_in_cell(x)
+    unclipped_bond_bits, plate_bits = _bit_masks_of_fine_and_plate_cells_around(lattice, cells, x)
     if unclipped_bond_bits == EVERY:
         return count
     for k in range(half):
-        sides, whole_sides, fine_sides = _count_bond_sides(lattice, position, k, unclipped_bond_bits, plate_bits)
+        sides, whole_sides, fine_sides = _count_sides_with_plate_whole_bond_and_parts(
+            lattice, position, k, unclipped_bond_bits, plate_bits
+        )
         if fine_sides == whole_sides or not is_bond_intact(lattice, broken_bond_bits, p, k):
             continue
         for side in range(2):
@@ -186,22 +200,22 @@ def append_pieces_of_node(lattice, cells, broken_bond_bits, node_kinds, p, piece
                 bond_parts.part_bounds_of_sides[position, k, side],
                 bond_parts.part_bounds_of_sides[position, k, side + 1],
             )
-            begin, end = next_piece(numbering.cells, cells, bond_parts, x, first, last, False)
+            begin, end = next_parts_outside_coarse_cells(numbering.cells, cells, bond_parts, x, first, last, False)
             while begin < end:
                 if begin > first or end < last:
-                    _set_piece(lattice, node_kinds, p, k, begin, end - 1, pieces, count)
+                    _set_bond_piece(lattice, node_kinds, p, k, begin, end - 1, pieces, count)
                     pieces.springs[count].stiffness /= sides
                     count += 1
-                begin, end = next_piece(numbering.cells, cells, bond_parts, x, end, last, False)
+                begin, end = next_parts_outside_coarse_cells(numbering.cells, cells, bond_parts, x, end, last, False)
     return count
 
 
 @njit(**INNER)
-def _set_piece(lattice, node_kinds, p, k, first, last, pieces, count):  # type: ignore[no-untyped-def]
+def _set_bond_piece(lattice, node_kinds, p, k, first, last, pieces, count):  # type: ignore[no-untyped-def]
     """Set the piece of bond k of fine node p from its part `first` to `last`."""
     spring, shares, j = pieces.springs[count], lattice.bond_parts.begin_and_end_shares, p + lattice.neighbour_offsets[k]
-    _set_piece_end(lattice, node_kinds, p, k, first, 0, pieces.ends[count, 0])
-    _set_piece_end(lattice, node_kinds, p, k, last, 1, pieces.ends[count, 1])
+    _set_bond_piece_end(lattice, node_kinds, p, k, first, 0, pieces.ends[count, 0])
+    _set_bond_piece_end(lattice, node_kinds, p, k, last, 1, pieces.ends[count, 1])
     spring.owner_node, length = p, shares[last, 1] - shares[first, 0]
     spring.xi_x, spring.xi_y = length * lattice.spring_table[k, X], length * lattice.spring_table[k, Y]
     spring.inverse_square = lattice.spring_table[k, INVERSE] / length**2
@@ -210,50 +224,50 @@ def _set_piece(lattice, node_kinds, p, k, first, last, pieces, count):  # type: 
 
 
 @njit(**INNER)
-def _set_piece_end(lattice, node_kinds, p, k, part, side, end):  # type: ignore[no-untyped-def]
+def _set_bond_piece_end(lattice, node_kinds, p, k, part, side, end):  # type: ignore[no-untyped-def]
     """Set one end of a piece: a fine node, or a place between two coarse nodes."""
     bond_parts = lattice.bond_parts
     if bond_parts.begin_and_end_shares[part, side] == side:
         end.first_node, end.second_node, end.second_weight = p + side * lattice.neighbour_offsets[k], -1, 0.0
         return
-    x, y = add_step(cell_at(coordinates(lattice.numbering.fine, p)), bond_parts.end_cells[part, side])
+    x, y = add_step(cell_at(lattice_coordinates(lattice.numbering.fine, p)), bond_parts.end_cells[part, side])
     along = bond_parts.end_shares_of_cell[part, side]
     direction, w = 0 if along[0] > 0 else 1, max(along[0], along[1])
-    a, b, second_weight = coarse_carriers_on_edge(lattice, node_kinds, x, y, direction, w)
+    a, b, second_weight = coarse_interpolation_nodes_on_edge(lattice, node_kinds, x, y, direction, w)
     end.first_node, end.second_node, end.second_weight = a, b, second_weight
 
 
 @njit(**INNER)
-def replace_pieces_of_nodes(lattice, zone, affected_fine):  # type: ignore[no-untyped-def]
+def replace_bond_pieces_of_nodes(lattice, zone, affected_fine):  # type: ignore[no-untyped-def]
     """Replace the pieces owned by these fine nodes, given in order; all pieces stay ordered by owner."""
     old, new, count = zone.clipped_pieces, zone.spare_clipped_pieces, zone.counts.clipped_pieces
     remaining = pieces = count - count  # a plain 0 would be compiled for once more
     for p in affected_fine:
-        pieces = append_pieces_of_node(
+        pieces = append_bond_pieces_of_node(
             lattice, zone.cell_kinds, zone.broken_bond_bits, zone.coarse.node_kinds, p, new, pieces
         )
         zone.is_node_marked[p] = True
     for n in range(count):
         if not zone.is_node_marked[old.springs[n].owner_node]:
             if n > remaining:
-                _copy_piece(old, n, old, remaining)
+                _copy_bond_piece(old, n, old, remaining)
             remaining += 1
     for p in affected_fine:
         zone.is_node_marked[p] = False
     at, n, m = remaining + pieces - 1, remaining - 1, pieces - 1
     while m >= 0:
         if n >= 0 and old.springs[n].owner_node > new.springs[m].owner_node:
-            _copy_piece(old, n, old, at)
+            _copy_bond_piece(old, n, old, at)
             n -= 1
         else:
-            _copy_piece(new, m, old, at)
+            _copy_bond_piece(new, m, old, at)
             m -= 1
         at -= 1
     zone.counts.clipped_pieces = remaining + pieces
 
 
 @njit(forceinline=True, **INNER)
-def _copy_piece(source, source_index, target, target_index):  # type: ignore[no-untyped-def]
+def _copy_bond_piece(source, source_index, target, target_index):  # type: ignore[no-untyped-def]
     target.springs[target_index] = source.springs[source_index]
     for side in range(2):
         target.ends[target_index, side] = source.ends[source_index, side]

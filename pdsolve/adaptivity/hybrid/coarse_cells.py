@@ -25,16 +25,16 @@ from pdsolve.zone.cells import (
     LEFT,
     VOID,
     ZoneNumbering,
-    coordinates,
     create_plate_numbering,
-    place_at,
+    lattice_coordinates,
+    place_number_at,
 )
-from pdsolve.zone.prescribed_motion import nodes_unfit_for_coarse
+from pdsolve.zone.prescribed_motion import nodes_kept_fine_by_prescribed_motion
 from pdsolve.zone.start_cells import (
     count_full_cubes_around_nodes,
     mask_cells_around_nodes,
-    mask_cells_with_nodes_and_whole_cells,
-    mask_full_cubes,
+    mask_cubes_with_nodes_at_all_corners,
+    mask_occupied_and_uncut_cells,
 )
 
 OFF = 1e-6  # spacings: nodes this far from the lattice are not on it
@@ -43,7 +43,7 @@ LARGEST = 6.0  # horizon over spacing: half of a family has a bit of 64 for each
 STRIP = 2**16  # fine places that are looked at together
 
 
-class ListedNodes(NamedTuple):
+class GridAndLatticeRows(NamedTuple):
     """Where the n nodes of a grid are on a lattice, one by one."""
 
     place_of_grid_row: NDArray[np.int64]  # (n,) fine place of each row of the grid
@@ -61,7 +61,9 @@ class HybridPlate(NamedTuple):
     precrack_segments: NDArray[np.float64]  # (k, 4) in spacings from the corner
     first_node_indices: tuple[int, int]  # column and row of the first node
     node_counts: tuple[int, int]  # columns and rows of nodes
-    listed_nodes: ListedNodes | None  # None: nodes are all of a rectangle, row by row, with parts of cells at its edges
+    listed_nodes: (
+        GridAndLatticeRows | None
+    )  # None: nodes are all of a rectangle, row by row, with parts of cells at its edges
 
     @property
     def fine_places(self) -> NDArray[np.int64]:
@@ -69,7 +71,7 @@ class HybridPlate(NamedTuple):
         return self.places_of_grid_rows(np.arange(len(self.model.grid)))
 
     @property
-    def area_in_cells(self) -> float:
+    def plate_area_over_cell_area(self) -> float:
         """Area of the plate over h^2."""
         if self.listed_nodes is not None:
             return float(self.listed_nodes.cell_area_share.sum())
@@ -81,17 +83,17 @@ class HybridPlate(NamedTuple):
             return self.listed_nodes.place_of_grid_row[rows]
         y, x = np.divmod(rows, self.node_counts[0])
         return np.asarray(
-            place_at(self.numbering.fine, (x + self.first_node_indices[0], y + self.first_node_indices[1]))
+            place_number_at(self.numbering.fine, (x + self.first_node_indices[0], y + self.first_node_indices[1]))
         )
 
     def grid_rows_at(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows of the grid at fine places (k,) with nodes."""
         if self.listed_nodes is not None:
             return self.listed_nodes.grid_row_at_place[places].astype(np.int64)
-        x, y = coordinates(self.numbering.fine, places)
+        x, y = lattice_coordinates(self.numbering.fine, places)
         return np.asarray((y - self.first_node_indices[1]) * self.node_counts[0] + x - self.first_node_indices[0])
 
-    def grid_rows_or_none_at(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
+    def grid_rows_or_minus_one_at(self, places: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows of the grid at fine places (k,), -1 without a node."""
         return np.where(self.has_node(places), self.grid_rows_at(places), -1)
 
@@ -117,14 +119,14 @@ class HybridPlate(NamedTuple):
         """Mask (k,) of the fine places with a node."""
         if self.listed_nodes is not None:
             return np.asarray(self.listed_nodes.grid_row_at_place[places] >= 0)
-        x, y = coordinates(self.numbering.fine, places)
+        x, y = lattice_coordinates(self.numbering.fine, places)
         x, y = x - self.first_node_indices[0], y - self.first_node_indices[1]
         return np.asarray((y >= 0) & (y < self.node_counts[1]) & (x >= 0) & (x < self.node_counts[0]))
 
     def grid_rows_of_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.int64]:
         """Rows (end_row - first_row, stride) of the grid at the fine places of these rows, -1 without a node."""
         places = np.arange(first_row * self.numbering.fine.strides[1], end_row * self.numbering.fine.strides[1])
-        return self.grid_rows_or_none_at(places).reshape(-1, self.numbering.fine.strides[1])
+        return self.grid_rows_or_minus_one_at(places).reshape(-1, self.numbering.fine.strides[1])
 
     def mask_nodes_in_lattice_rows(self, first_row: int, end_row: int) -> NDArray[np.bool_]:
         """Whether there are nodes at these places, as in `grid_rows_of_lattice_rows`."""
@@ -211,7 +213,7 @@ def check_model_supported(model: Model, largest_ratio: float) -> None:
         )
 
 
-def _lattice_corner(model: Model, h: float, origin: NDArray[np.float64]) -> NDArray[np.float64]:
+def _origin_of_cell_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> NDArray[np.float64]:
     """The corner of the lattice of cells: the plate's edge is one of its lines wherever that can be."""
     if not len(model.grid.outline):
         return origin
@@ -222,7 +224,7 @@ def _lattice_corner(model: Model, h: float, origin: NDArray[np.float64]) -> NDAr
 def _create_rectangular_plate(model: Model, lattice: Nodes) -> HybridPlate:
     """The plate of all nodes of a lattice."""
     h, ends = lattice.spacing, model.grid.part(np.array([0, len(model.grid) - 1])).position
-    origin = _lattice_corner(model, h, ends[0])
+    origin = _origin_of_cell_lattice(model, h, ends[0])
     (x, y), last = np.round((ends - origin) / h).astype(int).tolist()
     nx, ny = (max(4, side + side % 2) for side in last)
     numbering = create_plate_numbering(nx, ny)
@@ -232,7 +234,7 @@ def _create_rectangular_plate(model: Model, lattice: Nodes) -> HybridPlate:
 
 
 def _create_listed_plate(model: Model, h: float, origin: NDArray[np.float64]) -> HybridPlate:
-    grid, origin = model.grid, _lattice_corner(model, h, origin)
+    grid, origin = model.grid, _origin_of_cell_lattice(model, h, origin)
     steps = (grid.position - origin) / h
     column, row = np.round(steps).astype(np.int64).T
     if np.abs(steps - np.column_stack([column, row])).max() > OFF:
@@ -241,14 +243,14 @@ def _create_listed_plate(model: Model, h: float, origin: NDArray[np.float64]) ->
     numbering = create_plate_numbering(nx, ny)
     cracks = (grid.cracks - np.tile(origin, 2)) / h
     check_no_precrack_on_node(model, cracks, nx, ny)
-    place = place_at(numbering.fine, (column, row))
+    place = place_number_at(numbering.fine, (column, row))
     rows = np.full(numbering.fine.place_count, -1, dtype=np.int32)
     rows[place] = np.arange(len(place))
     if grid.areas is not None:
         areas = grid.areas / h**2
     else:  # a quarter of each adjacent square between nodes
         areas = count_full_cubes_around_nodes((rows >= 0).reshape(numbering.fine.shape)).ravel()[place] / 4
-    listed = ListedNodes(place, rows, areas)
+    listed = GridAndLatticeRows(place, rows, areas)
     return HybridPlate(model, numbering, h, origin, cracks, (0, 0), (nx + 1, ny + 1), listed)
 
 
@@ -262,7 +264,7 @@ def initial_cell_kinds(
     An edge along a line between cells cuts none, except at re-entrant corners.
     """
     numbering = plate.numbering
-    in_plate, good = _mask_plate_and_full_cells(plate)
+    in_plate, good = _mask_occupied_and_uncut_plate_cells(plate)
     cells = np.where(in_plate, np.uint8(FINE), np.uint8(VOID))
     cells[good] = COARSE
     cut = in_plate & ~good
@@ -270,11 +272,11 @@ def initial_cell_kinds(
         cells[in_disc(cut, (reach + RING + 1) / 2) & good] = FINE
         cells[in_disc(cut, (reach + 2) / 2) & ~in_plate & ~good] = EMPTY
     cells = np.pad(cells, AROUND, constant_values=VOID)
-    lookups = plate.places_of_grid_rows, plate.grid_rows_or_none_at
-    unfit_nodes = nodes_unfit_for_coarse(plate.model, numbering.fine, *lookups)
+    lookups = plate.places_of_grid_rows, plate.grid_rows_or_minus_one_at
+    unfit_nodes = nodes_kept_fine_by_prescribed_motion(plate.model, numbering.fine, *lookups)
     cells[mask_cells_around_nodes(numbering, unfit_nodes) & (cells == COARSE)] = FINE
     if steep_content_rows is not None and len(steep_content_rows):
-        steep_nodes = coordinates(numbering.fine, plate.places_of_grid_rows(steep_content_rows))
+        steep_nodes = lattice_coordinates(numbering.fine, plate.places_of_grid_rows(steep_content_rows))
         beside_steep = mask_cells_around_nodes(numbering, np.column_stack(steep_nodes))
         cells[in_disc(beside_steep, (reach + RING + 1) / 2) & (cells == COARSE)] = FINE
     for tip_x, tip_y in precrack_tips(plate).tolist():
@@ -286,7 +288,7 @@ def initial_cell_kinds(
     return cells.ravel()
 
 
-def _mask_plate_and_full_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+def _mask_occupied_and_uncut_plate_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Masks (rows, columns) of the cells with some of the plate, and of those that are whole."""
     numbering = plate.numbering
     in_plate, is_whole = np.zeros((2, *numbering.cells.counts[::-1]), dtype=bool)
@@ -294,20 +296,20 @@ def _mask_plate_and_full_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], N
         first = BELOW + 2 * low - 1
         last = first + 2 * (high - low) + 3
         has_node, areas = plate.mask_nodes_in_lattice_rows(first, last), plate.area_shares_in_lattice_rows(first, last)
-        in_plate[low:high], is_whole[low:high] = mask_cells_with_nodes_and_whole_cells(
+        in_plate[low:high], is_whole[low:high] = mask_occupied_and_uncut_cells(
             has_node, areas, (1, LEFT), in_plate[low:high].shape
         )
     return in_plate, is_whole
 
 
-def count_full_squares_in_cells(plate: HybridPlate) -> NDArray[np.uint8]:
+def count_node_squares_in_cells(plate: HybridPlate) -> NDArray[np.uint8]:
     """Number (c,) of squares with a node at all four corners, in each cell."""
     numbering = plate.numbering
     counts = np.zeros(numbering.cells.counts[::-1], dtype=np.uint8)
     for low, high in split_rows_into_ranges(len(counts), numbering.fine.strides[1]):
-        full_squares = mask_full_cubes(plate.mask_nodes_in_lattice_rows(BELOW + 2 * low, BELOW + 2 * high + 1))[
-            :-1, LEFT : LEFT + 2 * counts.shape[1]
-        ]
+        full_squares = mask_cubes_with_nodes_at_all_corners(
+            plate.mask_nodes_in_lattice_rows(BELOW + 2 * low, BELOW + 2 * high + 1)
+        )[:-1, LEFT : LEFT + 2 * counts.shape[1]]
         counts[low:high] = full_squares.reshape(high - low, 2, -1, 2).sum(axis=(1, 3))
     return np.pad(counts, AROUND).ravel()
 

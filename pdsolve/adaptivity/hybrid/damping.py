@@ -12,7 +12,7 @@ from typing import Any
 from numba import types
 from numba.extending import overload
 
-from pdsolve.adaptivity.hybrid.node_constants import value_at_node
+from pdsolve.adaptivity.hybrid.node_constants import node_constant_at_place
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.zone.cells import FREE
@@ -86,7 +86,7 @@ def _overload_set_damping_of_node(lattice, nodes, p, fine_place):  # type: ignor
 
     def copy_damping(lattice, nodes, p, fine_place):  # type: ignore[no-untyped-def]
         nodes.damping[0, p] = nodes.damping[1, p] = (
-            value_at_node(lattice.node_constants, lattice.node_constants.damping, fine_place)
+            node_constant_at_place(lattice.node_constants, lattice.node_constants.damping, fine_place)
             if nodes.node_kinds[p] == FREE
             else 0.0
         )

@@ -36,7 +36,7 @@ def double_green_strain_of_spring(nodes, spring_table, offsets, u, q, k):  # typ
 
 
 @njit(**INNER)
-def spring_energy_of_node(nodes, spring_table, offsets, uses_green_strain, u, p):  # type: ignore[no-untyped-def]
+def half_energy_of_springs_of_node(nodes, spring_table, offsets, uses_green_strain, u, p):  # type: ignore[no-untyped-def]
     """Half of the energy of a node's springs, J/m; of coarse ones by Green's strain."""
     row, lane, energy = p // ROW, p % ROW, 0.0
     entry = nodes.stiffness_index_of_row[row]
@@ -76,7 +76,7 @@ def _displacement_difference(u, p, j):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def store_spring_energies(nodes, spring_table, offsets, uses_green_strain, row, u, lane_sums):  # type: ignore[no-untyped-def]
+def store_half_spring_energies_of_row(nodes, spring_table, offsets, uses_green_strain, row, u, lane_sums):  # type: ignore[no-untyped-def]
     """Set s to half the energies of the springs of a row's lanes, J/m; of coarse ones by Green's strain."""
     entry, slots, none = nodes.stiffness_index_of_row[row], len(offsets), same(u, 0.0)
     for lane in range(0, ROW, across(lane_sums)):
@@ -95,7 +95,7 @@ def store_spring_energies(nodes, spring_table, offsets, uses_green_strain, row, 
 
 
 @njit(forceinline=True, **INNER)
-def _piece_end_displacement(end, fine_u, coarse_u, axis):  # type: ignore[no-untyped-def]
+def _bond_piece_end_displacement(end, fine_u, coarse_u, axis):  # type: ignore[no-untyped-def]
     """Displacement of an end of a piece."""
     if end.second_node < 0:
         return fine_u[axis, end.first_node]
@@ -104,25 +104,29 @@ def _piece_end_displacement(end, fine_u, coarse_u, axis):  # type: ignore[no-unt
 
 
 @njit(forceinline=True, **INNER)
-def piece_elongation(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
+def bond_piece_elongation(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
     """How far the ends of a piece are displaced from each other, less what swelling takes, m."""
     first, second, spring = pieces.ends[n, 0], pieces.ends[n, 1], pieces.springs[n]
-    eta_x = _piece_end_displacement(second, fine_u, coarse_u, 0) - _piece_end_displacement(first, fine_u, coarse_u, 0)
-    eta_y = _piece_end_displacement(second, fine_u, coarse_u, 1) - _piece_end_displacement(first, fine_u, coarse_u, 1)
+    eta_x = _bond_piece_end_displacement(second, fine_u, coarse_u, 0) - _bond_piece_end_displacement(
+        first, fine_u, coarse_u, 0
+    )
+    eta_y = _bond_piece_end_displacement(second, fine_u, coarse_u, 1) - _bond_piece_end_displacement(
+        first, fine_u, coarse_u, 1
+    )
     return eta_x + spring.swelling_x, eta_y + spring.swelling_y
 
 
 @njit(forceinline=True, **INNER)
-def piece_double_green_strain(spring, eta_x, eta_y):  # type: ignore[no-untyped-def]
+def bond_piece_double_green_strain(spring, eta_x, eta_y):  # type: ignore[no-untyped-def]
     """e of a piece of a clipped bond."""
     return spring.inverse_square * (2 * (spring.xi_x * eta_x + spring.xi_y * eta_y) + eta_x * eta_x + eta_y * eta_y)
 
 
 @njit(**INNER)
-def piece_energy(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
+def bond_piece_energy(pieces, fine_u, coarse_u, n):  # type: ignore[no-untyped-def]
     """Energy of a piece of a clipped bond, J/m."""
-    spring, (eta_x, eta_y) = pieces.springs[n], piece_elongation(pieces, fine_u, coarse_u, n)
-    e = piece_double_green_strain(spring, eta_x, eta_y)
+    spring, (eta_x, eta_y) = pieces.springs[n], bond_piece_elongation(pieces, fine_u, coarse_u, n)
+    e = bond_piece_double_green_strain(spring, eta_x, eta_y)
     return spring.stiffness / spring.inverse_square * e * e / 8
 
 
@@ -133,34 +137,36 @@ def kinetic_energy_of_node(nodes, p):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def strain_and_kinetic_energy(lattice, zone, u_buffer, fine_nodes, coarse_nodes):  # type: ignore[no-untyped-def]
+def strain_and_kinetic_energy(lattice, zone, displacement_buffer_index, fine_nodes, coarse_nodes):  # type: ignore[no-untyped-def]
     """Strain and kinetic energy, J/m, of some nodes and of the pieces that some own; these fine nodes must be
     marked."""
     fine, coarse, energy = zone.fine, zone.coarse, 0.0
-    u, coarse_u = fine.u[u_buffer], coarse.u[u_buffer]
+    u, coarse_u = fine.u[displacement_buffer_index], coarse.u[displacement_buffer_index]
     for p in fine_nodes:
         if fine.node_kinds[p] == IDLE:
             continue
-        energy += spring_energy_of_node(fine, lattice.spring_table, lattice.neighbour_offsets, False, u, p)
+        energy += half_energy_of_springs_of_node(fine, lattice.spring_table, lattice.neighbour_offsets, False, u, p)
         if fine.node_kinds[p] == FREE:
             energy += kinetic_energy_of_node(fine, p)
     for q in coarse_nodes:
         if coarse.node_kinds[q] == FREE:
-            energy += spring_energy_of_node(
+            energy += half_energy_of_springs_of_node(
                 coarse, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets, True, coarse_u, q
             ) + kinetic_energy_of_node(coarse, q)
     for n in range(zone.counts.clipped_pieces):
         if zone.is_node_marked[zone.clipped_pieces.springs[n].owner_node]:
-            energy += piece_energy(zone.clipped_pieces, u, coarse_u, n)
+            energy += bond_piece_energy(zone.clipped_pieces, u, coarse_u, n)
     return energy
 
 
 @cached_njit(error_model="numpy")
-def fill_strain_energies(lattice, zone, u_buffer, fine_energy, coarse_energy, far_energy):  # type: ignore[no-untyped-def]
+def store_strain_energies_of_lattices(lattice, zone, displacement_buffer_index, fine_energy, coarse_energy, far_energy):  # type: ignore[no-untyped-def]
     """Strain energies, J/m, of fine, coarse and far nodes, by their places; half of a piece's belongs to either end."""
     fine, coarse, pieces, s = zone.fine, zone.coarse, zone.clipped_pieces, zone.lane_sums[0]
     for row in fine.active_rows[: zone.counts.active_fine_rows]:
-        store_spring_energies(fine, lattice.spring_table, lattice.neighbour_offsets, False, row, fine.u[u_buffer], s)
+        store_half_spring_energies_of_row(
+            fine, lattice.spring_table, lattice.neighbour_offsets, False, row, fine.u[displacement_buffer_index], s
+        )
         for p in range(row * ROW, row * ROW + ROW):
             fine_energy[p] = s[p % ROW] if fine.node_kinds[p] != IDLE else 0.0
     lattices = (
@@ -173,19 +179,19 @@ def fill_strain_energies(lattice, zone, u_buffer, fine_energy, coarse_energy, fa
         ),
         (
             zone.far,
-            zone.counts.active_far_node_rows,
-            lattice.far_spring_table,
-            lattice.far_neighbour_offsets,
+            zone.counts.active_coarsest_rows,
+            lattice.coarsest_spring_table,
+            lattice.coarsest_neighbour_offsets,
             far_energy,
         ),
     )
     for nodes, count, table, ways, energies in lattices:
         for row in nodes.active_rows[:count]:
-            store_spring_energies(nodes, table, ways, True, row, nodes.u[u_buffer], s)
+            store_half_spring_energies_of_row(nodes, table, ways, True, row, nodes.u[displacement_buffer_index], s)
             for q in range(row * ROW, row * ROW + ROW):
                 energies[q] = s[q % ROW] if nodes.node_kinds[q] != IDLE else 0.0
     for n in range(zone.counts.clipped_pieces):
-        half = piece_energy(pieces, fine.u[u_buffer], coarse.u[u_buffer], n) / 2
+        half = bond_piece_energy(pieces, fine.u[displacement_buffer_index], coarse.u[displacement_buffer_index], n) / 2
         for side in range(2):
             end = pieces.ends[n, side]
             if end.second_node < 0:

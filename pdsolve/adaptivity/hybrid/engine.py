@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid import arrays
 from pdsolve.adaptivity.hybrid.arrays import PRESCRIBED_COLUMNS, STORED, LatticeConstants, LatticeNodes, PlateZone
 from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_from_double_green_strain
-from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, count_full_squares_in_cells
-from pdsolve.adaptivity.hybrid.energy import fill_strain_energies
+from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, count_node_squares_in_cells
+from pdsolve.adaptivity.hybrid.energy import store_strain_energies_of_lattices
 from pdsolve.adaptivity.hybrid.march import CLIP, DONE, advance
 from pdsolve.adaptivity.hybrid.node_constants import are_bonds_intact
 from pdsolve.adaptivity.hybrid.swelling import (
@@ -54,8 +54,8 @@ class HybridEngine:
 
     def __init__(self, plate: HybridPlate, lattice: LatticeConstants, zone: PlateZone, drive: Drive) -> None:
         """Cells of `zone` are those of the start."""
-        self.plate, self.lattice, self.zone, self.drive, self.u_buffer = plate, lattice, zone, drive, 0
-        self._squares = count_full_squares_in_cells(plate)
+        self.plate, self.lattice, self.zone, self.drive, self.displacement_buffer_index = plate, lattice, zone, drive, 0
+        self._squares = count_node_squares_in_cells(plate)
         self._whole, self._fine = int(self._squares.sum()), (-1, 0)  # squares in all cells; in fine ones, since when
 
     def initialize_motion_and_forces(self, velocity: NDArray[np.float64] | None) -> None:
@@ -65,7 +65,7 @@ class HybridEngine:
             lattices = (
                 (self.zone.fine, None),
                 (self.zone.coarse, self.fine_places_of_coarse),
-                (self.zone.far, self.fine_places_of_far),
+                (self.zone.far, self.fine_places_of_coarsest_nodes),
             )
             for nodes, beneath in lattices:
                 places_of_free_nodes = np.flatnonzero(nodes.node_kinds == FREE)
@@ -82,26 +82,26 @@ class HybridEngine:
         """Derive all nodes from the cells, whatever they were before."""
         zone = self.zone
         zone.fine.row_stiffness[: zone.counts.used_stiffness_rows] = 0
-        for _, nodes, rows in self._lattice_nodes_and_rows():
+        for _, nodes, rows in self._lattices_with_active_rows():
             nodes.stiffness_index_of_row[:] = -1
             nodes.node_kinds.reshape(-1, ROW)[rows] = IDLE
             nodes.inverse_mass.reshape(-1, ROW)[rows] = 0.0
         zone.is_damaged[zone.damaged_nodes[: zone.counts.damaged_nodes]] = False
-        zone = self.zone = zone._replace(counts=arrays.Counts.of())
+        zone = self.zone = zone._replace(counts=arrays.ZoneCounts.of())
         self._fine = -1, 0
         cells = np.flatnonzero(zone.cell_kinds == FINE)
         zone.new_cells[: len(cells)] = cells
         zone.counts.new_cells = len(cells)
         self.compute_initial_forces()
         around = arrays.allocate_zeros(len(zone.affected_coarse_nodes), dtype=np.int64)  # all coarse nodes were
-        self.zone = self.zone._replace(totals=arrays.Totals.of(), affected_coarse_nodes=around)
+        self.zone = self.zone._replace(totals=arrays.EnergyTotals.of(), affected_coarse_nodes=around)
 
     def fine_places_of_coarse(self, coarse: NDArray[np.int64]) -> NDArray[np.int64]:
         """Fine places (k,) that coarse nodes lie on."""
         numbering = self.plate.numbering
         return np.asarray(place_on_finer_lattice(numbering.coarse, numbering.fine, 2, coarse))
 
-    def fine_places_of_far(self, far: NDArray[np.int64]) -> NDArray[np.int64]:
+    def fine_places_of_coarsest_nodes(self, far: NDArray[np.int64]) -> NDArray[np.int64]:
         """Fine places (k,) that far nodes lie on."""
         numbering = self.plate.numbering
         return np.asarray(place_on_finer_lattice(numbering.far, numbering.fine, 4, far))
@@ -140,7 +140,7 @@ class HybridEngine:
         """Take the steps `first_step` to `end_step` - 1; if there are none, only finish the previous step."""
         drifted = False
         while True:
-            how, step, self.u_buffer = self._advance_on_threads(first_step, end_step, drifted)
+            how, step, self.displacement_buffer_index = self._advance_on_threads(first_step, end_step, drifted)
             if how == DONE:
                 return
             if how == CLIP:
@@ -156,7 +156,10 @@ class HybridEngine:
     def _advance_on_threads(self, *steps: int) -> tuple[int, int, int]:
         """Run the compiled march on all threads until it ends; returns its end code, step and buffer."""
         threads, end = len(self.zone.lane_sums), (0, 0, 0)
-        arguments, barrier = (self.lattice, self.zone, self.drive.profiles, self.u_buffer, *steps), gate_of(threads)
+        arguments, barrier = (
+            (self.lattice, self.zone, self.drive.profiles, self.displacement_buffer_index, *steps),
+            gate_of(threads),
+        )
 
         def work(thread: int) -> None:
             nonlocal end
@@ -165,10 +168,12 @@ class HybridEngine:
         side_by_side(work, threads)
         return end
 
-    def set_refinement_kappa(self, refinement_kappa: float) -> None:
-        """Make cells fine from now on around coarse bonds at `refinement_kappa` of what breaks or softens bonds."""
+    def set_refinement_stretch_ratio(self, refinement_stretch_ratio: float) -> None:
+        """Refine, from now on, around coarse bonds at this ratio of the stretch that breaks or softens bonds."""
         bounds = self.lattice.strain_bounds.copy()
-        bounds[:, 2] = [double_green_strain_from_stretch(refinement_kappa * _stretch(e)) for e in bounds[:, 0].tolist()]
+        bounds[:, 2] = [
+            double_green_strain_from_stretch(refinement_stretch_ratio * _stretch(e)) for e in bounds[:, 0].tolist()
+        ]
         self.lattice = self.lattice._replace(strain_bounds=bounds, least_strain_bounds=bounds.min(axis=0))
 
     def set_swelling_strain(self, strain: NDArray[np.float64]) -> None:
@@ -178,11 +183,11 @@ class HybridEngine:
         assert coarse is not None
         fine[self._fine_places_of_grid] = strain / -2
         average_fine_values_to_coarse(self.lattice, fine, coarse)
-        set_all_swelling_offsets(self.lattice, self.zone, self.u_buffer)
+        set_all_swelling_offsets(self.lattice, self.zone, self.displacement_buffer_index)
 
     def strain_energy(self) -> float:
         """Strain energy of all springs, J/m."""
-        return float(total_strain_energy(self.lattice, self.zone, self.u_buffer))
+        return float(total_strain_energy(self.lattice, self.zone, self.displacement_buffer_index))
 
     def copy_negative_half_swelling(self) -> NegativeHalfSwelling:
         """A copy of the strains that springs have."""
@@ -199,10 +204,10 @@ class HybridEngine:
             now.coarse._replace(negative_half_swelling=negative_half_swelling.coarse),
         )
         self.zone = now._replace(fine=fine, coarse=coarse)
-        set_all_swelling_offsets(self.lattice, self.zone, self.u_buffer)
+        set_all_swelling_offsets(self.lattice, self.zone, self.displacement_buffer_index)
         energy = self.strain_energy()
         self.zone = now
-        set_all_swelling_offsets(self.lattice, self.zone, self.u_buffer)
+        set_all_swelling_offsets(self.lattice, self.zone, self.displacement_buffer_index)
         return energy
 
     def add_work(self, work: float) -> None:
@@ -233,12 +238,12 @@ class HybridEngine:
         largest, limit = _stretch(zone.totals.largest_clipped_strain), _stretch(self.lattice.least_strain_bounds[0])
         return ZoneSummary(float(zone.totals.refinement_energy), float(fine), float(largest / limit))
 
-    def _lattice_nodes_and_rows(self) -> Iterator[tuple[str, LatticeNodes, NDArray[np.int64]]]:
+    def _lattices_with_active_rows(self) -> Iterator[tuple[str, LatticeNodes, NDArray[np.int64]]]:
         """Name and nodes of all lattices, and their rows with a node that is not idle."""
         zone = self.zone
         yield "fine", zone.fine, zone.fine.active_rows[: zone.counts.active_fine_rows]
         yield "coarse", zone.coarse, zone.coarse.active_rows[: zone.counts.active_coarse_rows]
-        yield "far", zone.far, zone.far.active_rows[: zone.counts.active_far_node_rows]
+        yield "far", zone.far, zone.far.active_rows[: zone.counts.active_coarsest_rows]
 
     def places_of_free_nodes(self, nodes: LatticeNodes, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Places of the free nodes in these rows of a lattice."""
@@ -252,13 +257,13 @@ class HybridEngine:
             np.zeros(places)
             for places in (numbering.fine.place_count, numbering.coarse.place_count, numbering.far.place_count)
         )
-        fill_strain_energies(self.lattice, self.zone, self.u_buffer, fine, coarse, far)
+        store_strain_energies_of_lattices(self.lattice, self.zone, self.displacement_buffer_index, fine, coarse, far)
         return fine, coarse, far
 
     def kinetic_energy_and_momentum(self) -> NDArray[np.float64]:
         """Kinetic energy, J/m, and momentum, N s/m."""
         totals = np.zeros(3)
-        for _, nodes, rows in self._lattice_nodes_and_rows():
+        for _, nodes, rows in self._lattices_with_active_rows():
             for first in range(0, len(rows), TOGETHER):
                 places = self.places_of_free_nodes(nodes, rows[first : first + TOGETHER])
                 mass, x, y = (np.asarray(column[places], dtype=np.float64) for column in (nodes.mass, *nodes.v))
@@ -266,7 +271,7 @@ class HybridEngine:
         return totals
 
     @property
-    def energy_totals(self) -> tuple[float, float, float]:
+    def dissipated_energy_work_and_refinement_energy(self) -> tuple[float, float, float]:
         """Energy dissipated, work done, and energy created by refinement, J/m."""
         totals = self.zone.totals
         return float(totals.dissipated_energy), float(totals.work), float(totals.refinement_energy)
@@ -283,9 +288,9 @@ class HybridEngine:
         columns = ("break_step", broken.step), ("break_node", broken.node), ("break_spring", broken.bond_number)
         checkpoint: dict[str, NDArray[Any]] = {name: column.copy() for name, column in columns}
         checkpoint |= pulls_to_arrays(broken.step, broken.force_at_break, broken.stretch_growth_at_break)
-        for name, nodes, rows in self._lattice_nodes_and_rows():
+        for name, nodes, rows in self._lattices_with_active_rows():
             idle = nodes.node_kinds.reshape(-1, ROW)[rows] == IDLE
-            for field, values in (("u", nodes.u[self.u_buffer]), ("v", nodes.v), ("f", nodes.f)):
+            for field, values in (("u", nodes.u[self.displacement_buffer_index]), ("v", nodes.v), ("f", nodes.f)):
                 row_values = values.reshape(2, -1, ROW)[:, rows]
                 row_values[:, idle] = 0.0
                 checkpoint[f"{name}_{field}"] = row_values.reshape(2, -1)
@@ -325,10 +330,10 @@ class HybridEngine:
             bit = np.uint64(1) << np.uint64(k)
             lost[before[before_spring == k]] &= ~bit
             lost[node[breaks.bond_number == k]] |= bit
-        for _, nodes, rows in self._lattice_nodes_and_rows():
+        for _, nodes, rows in self._lattices_with_active_rows():
             for array in nodes[:3]:
                 array.reshape(-1, array.shape[-1] // ROW, ROW)[:, rows] = 0
-        zone.cell_kinds[:], self.u_buffer = cells, 0
+        zone.cell_kinds[:], self.displacement_buffer_index = cells, 0
         while len(self.zone.break_events.step) < len(node):
             self.zone = arrays.double_array_lengths(self.zone)
         self.derive_nodes_from_cells()
@@ -350,14 +355,14 @@ class HybridEngine:
             zone.fine.stiffness_index_of_row[rows] = np.where(
                 entry(checkpoint, "usual", stiffness_rows.shape, np.bool_), -2 - stiffness_rows, stiffness_rows
             )
-        for name, nodes, rows in self._lattice_nodes_and_rows():
+        for name, nodes, rows in self._lattices_with_active_rows():
             places = (rows[:, None] * ROW + np.arange(ROW)).ravel()
             for field, values in (("u", nodes.u[0]), ("v", nodes.v), ("f", nodes.f)):
                 values[:, places] = entry(checkpoint, f"{name}_{field}", (2, len(places)), values.dtype)
             nodes.has_large_stretch[rows] = entry(checkpoint, f"{name}_wide", rows.shape, np.uint8)
         _restore_prescribed_motions(checkpoint, zone)
         _restore_damped_energies(checkpoint, zone)
-        self.zone = zone._replace(totals=arrays.Totals.of(like(checkpoint, "total", zone.totals.values())))
+        self.zone = zone._replace(totals=arrays.EnergyTotals.of(like(checkpoint, "total", zone.totals.values())))
 
     def _check_checkpoint_cells(self, cells: NDArray[np.uint8]) -> None:
         """Raise CheckpointError for cells (c,) that those of the start do not become."""
@@ -389,7 +394,7 @@ class HybridEngine:
         zone, numbers = self.zone, entry(checkpoint, "number", (None,), np.int64)
         if len(numbers) < STORED:
             raise CheckpointError(f"'number' has {len(numbers)} values; it needs {STORED} at least")
-        past = arrays.Counts.of(numbers[:STORED])
+        past = arrays.ZoneCounts.of(numbers[:STORED])
         stirs = entry(checkpoint, "stirs", (None,), np.int64, 0, len(zone.damaged_nodes) - 1)
         fine = zone.fine.node_kinds
         others = (past.broken_bonds, past.damaged_nodes) != (len(node), len(stirs))

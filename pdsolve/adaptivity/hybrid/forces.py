@@ -15,11 +15,15 @@ import numpy as np
 from numba import njit
 
 from pdsolve.adaptivity.hybrid.bond_breaking import (
-    add_second_forces,
+    add_second_release_forces,
     soften_and_break_bonds,
 )
 from pdsolve.adaptivity.hybrid.damping import damp_forces, record_damped_energy
-from pdsolve.adaptivity.hybrid.energy import piece_double_green_strain, piece_elongation, spring_double_green_strain
+from pdsolve.adaptivity.hybrid.energy import (
+    bond_piece_double_green_strain,
+    bond_piece_elongation,
+    spring_double_green_strain,
+)
 from pdsolve.codegen.atomics import counted, take
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.lanes import across, beside
@@ -46,13 +50,13 @@ LOOKED_AT = 0.5  # of the e of coarse bonds that makes cells fine: those above i
 
 
 @njit(forceinline=True, **INNER)
-def _add_piece_forces(zone, u, coarse_u, f, coarse_f):  # type: ignore[no-untyped-def]
+def _add_bond_piece_forces(zone, u, coarse_u, f, coarse_f):  # type: ignore[no-untyped-def]
     """Add the forces of clipped bonds; returns the largest e of those that could break."""
     pieces, largest = zone.clipped_pieces, 0.0
     for n in range(zone.counts.clipped_pieces):
         spring = pieces.springs[n]
-        eta_x, eta_y = piece_elongation(pieces, u, coarse_u, n)
-        e = piece_double_green_strain(spring, eta_x, eta_y)
+        eta_x, eta_y = bond_piece_elongation(pieces, u, coarse_u, n)
+        e = bond_piece_double_green_strain(spring, eta_x, eta_y)
         largest = max(largest, e * spring.is_breakable)
         pull = spring.stiffness * e / 2
         px, py = pull * (spring.xi_x + eta_x), pull * (spring.xi_y + eta_y)
@@ -71,7 +75,7 @@ def _add_piece_forces(zone, u, coarse_u, f, coarse_f):  # type: ignore[no-untype
 
 
 @njit(**INNER)
-def _sum_row_forces_by_square_roots(lattice, fine, u, first_node, count, lane_sums):  # type: ignore[no-untyped-def]
+def _sum_row_forces_with_exact_stretch(lattice, fine, u, first_node, count, lane_sums):  # type: ignore[no-untyped-def]
     """Forces on nodes of a row, one by one, for any stretch."""
     entry = fine.stiffness_index_of_row[first_node // ROW]
     for p in range(first_node, first_node + count):
@@ -91,11 +95,11 @@ def _sum_row_forces_by_square_roots(lattice, fine, u, first_node, count, lane_su
         lane_sums[p - first_node], lane_sums[ROW + p - first_node] = fx, fy
 
 
-def _compile_fine_row_sum(sum_row: Any) -> Any:
+def _make_fine_row_sum(sum_row: Any) -> Any:
     """The sum on some lanes of a fine row, whatever its entry has; `sum_row` is one of `pdsolve.lattice.rows`."""
 
     @njit(forceinline=True, **INNER)
-    def sum_lanes_of_row(lattice, fine, u, stiffness_index, lane, p, lane_sums):  # type: ignore[no-untyped-def]
+    def sum_forces_of_lanes_of_row(lattice, fine, u, stiffness_index, lane, p, lane_sums):  # type: ignore[no-untyped-def]
         table, ways, shrink, limit = (
             lattice.spring_table,
             lattice.neighbour_offsets,
@@ -127,20 +131,20 @@ def _compile_fine_row_sum(sum_row: Any) -> Any:
             u, PLANE, table, ways, fine.row_stiffness, None, shrink, stiffness_index, lane, p, limit, lane_sums
         )
 
-    return sum_lanes_of_row
+    return sum_forces_of_lanes_of_row
 
 
-sum_fine_narrow, sum_fine_wide = _compile_fine_row_sum(sum_narrow), _compile_fine_row_sum(sum_wide)
+sum_fine_narrow, sum_fine_wide = _make_fine_row_sum(sum_narrow), _make_fine_row_sum(sum_wide)
 
 
 @njit(**INNER)
-def _sum_forces_of_fine_rows(lattice, zone, u_buffer, step, thread, job):  # type: ignore[no-untyped-def]
+def _sum_forces_of_fine_rows(lattice, zone, displacement_buffer_index, step, thread, job):  # type: ignore[no-untyped-def]
     """Forces f on all fine rows.
 
     Rows with a bond about to break are set aside for the job `BROKEN` of the first thread.
     """
     fine, s = zone.fine, zone.lane_sums[thread]
-    wide, u, breaks, aside = across(s), fine.u[u_buffer], job == BROKEN, zone.breaking_rows[thread]
+    wide, u, breaks, aside = across(s), fine.u[displacement_buffer_index], job == BROKEN, zone.breaking_rows[thread]
     parts_per_row = ROW // wide
     count = zone.breaking_row_counts[0] if breaks else zone.counts.active_fine_rows * parts_per_row
     while True:
@@ -162,7 +166,7 @@ def _sum_forces_of_fine_rows(lattice, zone, u_buffer, step, thread, job):  # typ
                 zone.breaking_row_counts[8 * thread] += 1
                 continue
             if flags & 1:
-                _sum_row_forces_by_square_roots(lattice, fine, u, p, wide, s)
+                _sum_row_forces_with_exact_stretch(lattice, fine, u, p, wide, s)
             if breaks or fine.has_extra_forces[row]:
                 add_stored_forces_to_lane_sums(fine.f, p, wide, s)
             store_lane_sums_as_forces(fine.f, p, wide, s)
@@ -184,7 +188,7 @@ def store_lane_sums_as_forces(f, p, count, lane_sums):  # type: ignore[no-untype
 
 
 @njit(**INNER)
-def _merge_breaking_rows(zone):  # type: ignore[no-untyped-def]
+def _list_breaking_rows_of_all_threads(zone):  # type: ignore[no-untyped-def]
     """List the rows that all threads have set aside, in order."""
     aside, count = zone.breaking_rows[0], zone.breaking_row_counts[0]
     for thread in range(1, len(zone.lane_sums)):
@@ -206,10 +210,15 @@ def _kick_and_drift(nodes, u, after, dt, at, s):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _move_fine_rows(zone, u_buffer, dt, velocity_lag, ends_sequence, thread):  # type: ignore[no-untyped-def]
+def _kick_and_drift_fine_rows(zone, displacement_buffer_index, dt, velocity_lag, ends_sequence, thread):  # type: ignore[no-untyped-def]
     """Kick and drift all fine rows; where a sequence `ends_sequence`, their damped forces are kept instead."""
     fine, s = zone.fine, zone.lane_sums[thread]
-    wide, u, after, count = across(s), fine.u[u_buffer], fine.u[1 - u_buffer], zone.counts.active_fine_rows
+    wide, u, after, count = (
+        across(s),
+        fine.u[displacement_buffer_index],
+        fine.u[1 - displacement_buffer_index],
+        zone.counts.active_fine_rows,
+    )
     while True:
         first = take(zone.job_counters, MOVE) * PART
         if first >= count:
@@ -227,8 +236,10 @@ def _move_fine_rows(zone, u_buffer, dt, velocity_lag, ends_sequence, thread):  #
 
 
 @njit(**INNER)
-def _sum_and_move_coarse_rows(lattice, zone, u_buffer, velocity_lag, ends_sequence, thread, stage):  # type: ignore[no-untyped-def]
-    """Forces on coarse rows and their motion, see `_sum_and_move_rows`.
+def _sum_forces_and_move_coarse_rows(  # type: ignore[no-untyped-def]
+    lattice, zone, displacement_buffer_index, velocity_lag, ends_sequence, thread, stage
+):
+    """Forces on coarse rows and their motion, see `_sum_forces_and_move_rows`.
 
     The stage LOADED processes touched rows, an earlier stage the others until the first thread reaches LOADED.
     """
@@ -236,41 +247,81 @@ def _sum_and_move_coarse_rows(lattice, zone, u_buffer, velocity_lag, ends_sequen
     table, ways = lattice.coarse_spring_table, lattice.coarse_neighbour_offsets
     touched = stage == LOADED
     job = TOUCHED if touched else PLAIN
-    _sum_and_move_rows(
-        lattice, zone, nodes, rows, table, ways, u_buffer, velocity_lag, ends_sequence, thread, stage, job, touched
+    _sum_forces_and_move_rows(
+        lattice,
+        zone,
+        nodes,
+        rows,
+        table,
+        ways,
+        displacement_buffer_index,
+        velocity_lag,
+        ends_sequence,
+        thread,
+        stage,
+        job,
+        touched,
     )
 
 
 @njit(**INNER)
-def _sum_and_move_far_rows(lattice, zone, u_buffer, velocity_lag, ends_sequence, thread, barrier):  # type: ignore[no-untyped-def]
-    """Forces on far rows and their motion, see `_sum_and_move_rows`, once forces on tied nodes are passed on."""
+def _sum_forces_and_move_coarsest_rows(  # type: ignore[no-untyped-def]
+    lattice, zone, displacement_buffer_index, velocity_lag, ends_sequence, thread, barrier
+):
+    """Forces on far rows and their motion, see `_sum_forces_and_move_rows`, once forces on tied nodes are passed on."""
     nodes, rows, table, ways = (
         zone.far,
-        zone.counts.active_far_node_rows,
-        lattice.far_spring_table,
-        lattice.far_neighbour_offsets,
+        zone.counts.active_coarsest_rows,
+        lattice.coarsest_spring_table,
+        lattice.coarsest_neighbour_offsets,
     )
     meet(barrier)
     if thread == 0:
-        _pass_border_forces_to_carriers(zone.coarse.f, zone.far.f, zone.tied_coarse_nodes, zone.counts.tied_nodes)
-    _sum_and_move_rows(
-        lattice, zone, nodes, rows, table, ways, u_buffer, velocity_lag, ends_sequence, thread, REST, FAR_PLAIN, False
+        _distribute_border_forces_to_coarser_nodes(
+            zone.coarse.f, zone.far.f, zone.tied_coarse_nodes, zone.counts.tied_nodes
+        )
+    _sum_forces_and_move_rows(
+        lattice,
+        zone,
+        nodes,
+        rows,
+        table,
+        ways,
+        displacement_buffer_index,
+        velocity_lag,
+        ends_sequence,
+        thread,
+        REST,
+        FAR_PLAIN,
+        False,
     )
     meet(barrier)
-    _sum_and_move_rows(
-        lattice, zone, nodes, rows, table, ways, u_buffer, velocity_lag, ends_sequence, thread, REST, FAR_TOUCHED, True
+    _sum_forces_and_move_rows(
+        lattice,
+        zone,
+        nodes,
+        rows,
+        table,
+        ways,
+        displacement_buffer_index,
+        velocity_lag,
+        ends_sequence,
+        thread,
+        REST,
+        FAR_TOUCHED,
+        True,
     )
 
 
 @njit(**INNER)
-def _sum_and_move_rows(  # type: ignore[no-untyped-def]
+def _sum_forces_and_move_rows(  # type: ignore[no-untyped-def]
     lattice,
     zone,
     nodes,
     count,
     spring_table,
     offsets,
-    u_buffer,
+    displacement_buffer_index,
     velocity_lag,
     ends_sequence,
     thread,
@@ -285,7 +336,7 @@ def _sum_and_move_rows(  # type: ignore[no-untyped-def]
     """
     s, row_stiffness = zone.lane_sums[thread], nodes.row_stiffness
     dt, limit = lattice.dt, LOOKED_AT * lattice.least_strain_bounds[2]
-    wide, u, after = across(s), nodes.u[u_buffer], nodes.u[1 - u_buffer]
+    wide, u, after = across(s), nodes.u[displacement_buffer_index], nodes.u[1 - displacement_buffer_index]
     while counted(zone.job_counters, STAGE) < stage:
         first = take(zone.job_counters, job) * COARSE_PART
         if first >= count:
@@ -326,7 +377,7 @@ def _sum_and_move_rows(  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _clear_extra_forces(nodes, count):  # type: ignore[no-untyped-def]
+def _set_forces_to_zero_in_rows_with_extra_forces(nodes, count):  # type: ignore[no-untyped-def]
     """Set the forces on touched rows to zero."""
     for n in range(count):
         row = nodes.active_rows[n]
@@ -336,11 +387,11 @@ def _clear_extra_forces(nodes, count):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _pass_border_forces_to_carriers(f, coarse_f, border, count):  # type: ignore[no-untyped-def]
+def _distribute_border_forces_to_coarser_nodes(f, coarse_f, border, count):  # type: ignore[no-untyped-def]
     """Pass forces on border nodes to the coarser nodes that carry them."""
     for n in range(count):
         node = border[n]
-        p, a, b, w = node.border_node, node.first_carrier, node.second_carrier, node.second_weight
+        p, a, b, w = node.border_node, node.first_coarser_node, node.second_coarser_node, node.second_weight
         for axis in range(2):
             coarse_f[axis, a] += (1 - w) * f[axis, p]
             coarse_f[axis, b] += w * f[axis, p]
@@ -351,7 +402,7 @@ def interpolate_border_nodes(u, coarse_u, border, count):  # type: ignore[no-unt
     """Interpolate border nodes from the coarser ones."""
     for n in range(count):
         node = border[n]
-        p, a, b, w = node.border_node, node.first_carrier, node.second_carrier, node.second_weight
+        p, a, b, w = node.border_node, node.first_coarser_node, node.second_coarser_node, node.second_weight
         u[0, p] = (1 - w) * coarse_u[0, a] + w * coarse_u[0, b] + node.swelling_x
         u[1, p] = (1 - w) * coarse_u[1, a] + w * coarse_u[1, b] + node.swelling_y
 
@@ -376,50 +427,67 @@ def _add_loads(count, loads, fine, coarse, totals, profiles, time, dt):  # type:
 
 
 @njit(**INNER)
-def _initialize_forces(lattice, zone, profiles, u_buffer, step):  # type: ignore[no-untyped-def]
+def _start_forces_with_loads_and_bond_pieces(lattice, zone, profiles, displacement_buffer_index, step):  # type: ignore[no-untyped-def]
     """Initialize the forces with those of loads and of clipped bonds."""
     fine, coarse, dt = zone.fine, zone.coarse, lattice.dt
-    _clear_extra_forces(fine, zone.counts.active_fine_rows)
-    _clear_extra_forces(coarse, zone.counts.active_coarse_rows)
-    _clear_extra_forces(zone.far, zone.counts.active_far_node_rows)
+    _set_forces_to_zero_in_rows_with_extra_forces(fine, zone.counts.active_fine_rows)
+    _set_forces_to_zero_in_rows_with_extra_forces(coarse, zone.counts.active_coarse_rows)
+    _set_forces_to_zero_in_rows_with_extra_forces(zone.far, zone.counts.active_coarsest_rows)
     _add_loads(
         zone.counts.node_loads, zone.loads, fine, coarse, zone.totals, profiles, step * dt, dt if step > 0 else 0.0
     )
-    interpolate_border_nodes(fine.u[u_buffer], coarse.u[u_buffer], zone.border_nodes, zone.counts.border_nodes)
-    largest = _add_piece_forces(zone, fine.u[u_buffer], coarse.u[u_buffer], fine.f, coarse.f)
+    interpolate_border_nodes(
+        fine.u[displacement_buffer_index],
+        coarse.u[displacement_buffer_index],
+        zone.border_nodes,
+        zone.counts.border_nodes,
+    )
+    largest = _add_bond_piece_forces(
+        zone, fine.u[displacement_buffer_index], coarse.u[displacement_buffer_index], fine.f, coarse.f
+    )
     zone.totals.clipped_strain = largest
     zone.totals.largest_clipped_strain = max(zone.totals.largest_clipped_strain, largest)
 
 
 @njit(**INNER)
-def sum_forces_and_move_nodes(lattice, zone, profiles, u_buffer, step, velocity_lag, ends_sequence, thread, barrier):  # type: ignore[no-untyped-def]
-    """All forces at the displacements `u_buffer`, those of `step`; kick and drift unless the sequence `ends_sequence`.
+def sum_forces_and_move_nodes(  # type: ignore[no-untyped-def]
+    lattice, zone, profiles, displacement_buffer_index, step, velocity_lag, ends_sequence, thread, barrier
+):
+    """All forces at the displacements of a buffer, those of `step`; kick and drift unless the sequence ends.
 
     Velocities are those of half of `velocity_lag`, s, ago.
     All threads call this together; the first thread calls `reset_job_counters` before each further call.
     """
     for stage in (ACTED, BROKE, LOADED, REST):
         if thread == 0 and stage == ACTED:
-            _initialize_forces(lattice, zone, profiles, u_buffer, step)
+            _start_forces_with_loads_and_bond_pieces(lattice, zone, profiles, displacement_buffer_index, step)
             take(zone.job_counters, STAGE)
         elif thread == 0 and stage == BROKE:
-            _merge_breaking_rows(zone)
+            _list_breaking_rows_of_all_threads(zone)
         else:
-            _sum_and_move_coarse_rows(lattice, zone, u_buffer, velocity_lag, ends_sequence, thread, stage)
+            _sum_forces_and_move_coarse_rows(
+                lattice, zone, displacement_buffer_index, velocity_lag, ends_sequence, thread, stage
+            )
             wait(zone.job_counters, STAGE, min(stage, BROKE), barrier)
         if stage == ACTED or (thread == 0 and stage == BROKE):
-            _sum_forces_of_fine_rows(lattice, zone, u_buffer, step, thread, SUM if stage == ACTED else BROKEN)
+            _sum_forces_of_fine_rows(
+                lattice, zone, displacement_buffer_index, step, thread, SUM if stage == ACTED else BROKEN
+            )
         if stage == ACTED:
             meet(barrier)
         elif stage == BROKE:
             if thread == 0:
                 if velocity_lag > 0:
-                    add_second_forces(lattice, zone, zone.fine.u[u_buffer], step)
-                _pass_border_forces_to_carriers(zone.fine.f, zone.coarse.f, zone.border_nodes, zone.counts.border_nodes)
+                    add_second_release_forces(lattice, zone, zone.fine.u[displacement_buffer_index], step)
+                _distribute_border_forces_to_coarser_nodes(
+                    zone.fine.f, zone.coarse.f, zone.border_nodes, zone.counts.border_nodes
+                )
                 take(zone.job_counters, STAGE)
-            _move_fine_rows(zone, u_buffer, lattice.dt, velocity_lag, ends_sequence, thread)
-    if zone.counts.active_far_node_rows > 0:
-        _sum_and_move_far_rows(lattice, zone, u_buffer, velocity_lag, ends_sequence, thread, barrier)
+            _kick_and_drift_fine_rows(zone, displacement_buffer_index, lattice.dt, velocity_lag, ends_sequence, thread)
+    if zone.counts.active_coarsest_rows > 0:
+        _sum_forces_and_move_coarsest_rows(
+            lattice, zone, displacement_buffer_index, velocity_lag, ends_sequence, thread, barrier
+        )
     meet(barrier)
 
 

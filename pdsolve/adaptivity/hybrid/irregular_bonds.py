@@ -44,33 +44,33 @@ class IrregularBonds(NamedTuple):
     stiffness_bound: NDArray[np.float64]  # (r,) as in `Operator`
 
 
-def find_irregular_bonds(plate: HybridPlate, springs: tuple[Springs, ...]) -> IrregularBonds:
+def compute_irregular_bonds(plate: HybridPlate, springs: tuple[Springs, ...]) -> IrregularBonds:
     """Bonds of all nodes near irregular places; `springs` holds those of each material."""
     reach = int(np.abs(springs[0].family_dx).max())
-    places, is_close = _places_near_irregular(plate, reach)
+    places, is_close = _places_near_irregular_families(plate, reach)
     rows = plate.grid_rows_at(places)
     order = np.argsort(rows)
     sorted_rows, wanted = rows[order], is_close[order]
-    first, which = np.unique(find_first_equivalent_rows(plate, sorted_rows[wanted], reach), return_inverse=True)
+    first, which = np.unique(find_first_row_with_equal_bonds(plate, sorted_rows[wanted], reach), return_inverse=True)
     nothing, count = np.zeros((0, len(springs[0].family_dx))), len(first)
     kind, family, sums = np.zeros(count, np.int32), np.zeros(count, np.int64), np.zeros((count, nothing.shape[1]))
     irregular_bonds = IrregularBonds(sorted_rows[wanted], which, sums, kind, nothing, nothing, family, np.zeros(count))
     if not count:
         return irregular_bonds
     numbers = np.flatnonzero(wanted)
-    parts = _create_bonds_in_chunks(select_part_of_model(plate.model, sorted_rows), numbers, first, which)
+    parts = _create_representative_bonds_in_chunks(model_of_rows(plate.model, sorted_rows), numbers, first, which)
     limits = _store_irregular_bonds(plate, parts, sorted_rows, numbers[first], springs, irregular_bonds)
     return irregular_bonds._replace(peak_strain=limits[:, 0].copy(), limit_strain=limits[:, 1].copy())
 
 
-def _places_near_irregular(plate: HybridPlate, reach: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+def _places_near_irregular_families(plate: HybridPlate, reach: int) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Places (k,) of the nodes within three of a family's reaches of an irregular place, and which are within two."""
     stride, rows = plate.numbering.fine.strides[1], plate.numbering.fine.place_count // plate.numbering.fine.strides[1]
     places, is_close = [], []
     for low, high in split_rows_into_ranges(rows, stride, WIDE):
         first = max(low - 3 * reach, 0)
         odd, strip = (
-            _mask_irregular_places(plate, reach, first, min(high + 3 * reach, rows)),
+            _mask_places_with_irregular_families(plate, reach, first, min(high + 3 * reach, rows)),
             np.s_[low - first : high - first],
         )
         near = np.flatnonzero(plate.mask_nodes_in_lattice_rows(low, high) & in_square(odd, 3 * reach)[strip])
@@ -79,7 +79,9 @@ def _places_near_irregular(plate: HybridPlate, reach: int) -> tuple[NDArray[np.i
     return np.concatenate(places), np.concatenate(is_close)
 
 
-def _mask_irregular_places(plate: HybridPlate, reach: int, first_row: int, end_row: int) -> NDArray[np.bool_]:
+def _mask_places_with_irregular_families(
+    plate: HybridPlate, reach: int, first_row: int, end_row: int
+) -> NDArray[np.bool_]:
     """Mask of places in rows `first_row` to `end_row` - 1 without a node or a whole cell, at an interface, or next to a
     pre-crack."""
     numbering = plate.numbering
@@ -112,7 +114,7 @@ def _mask_irregular_places(plate: HybridPlate, reach: int, first_row: int, end_r
     return odd
 
 
-def select_part_of_model(model: Model, rows: NDArray[np.int64]) -> Model:
+def model_of_rows(model: Model, rows: NDArray[np.int64]) -> Model:
     """The model of the nodes in `rows`, without conditions."""
     part = model.grid.part(rows)
     regions = []
@@ -124,15 +126,15 @@ def select_part_of_model(model: Model, rows: NDArray[np.int64]) -> Model:
     return Model(part, settings, model.name)
 
 
-def model_of_nodes(
+def model_of_rows_with_spacing_and_areas(
     model: Model, rows: NDArray[np.int64], widths: NDArray[np.float64], areas: NDArray[np.float64]
 ) -> Model:
     """The model of the nodes in `rows`, without conditions: `widths` (n,) times as far apart, with `areas` (n,)."""
-    part = select_part_of_model(model, rows)
+    part = model_of_rows(model, rows)
     return dataclasses.replace(part, grid=dataclasses.replace(part.grid, delta=widths * part.grid.delta, areas=areas))
 
 
-def _create_bonds_in_chunks(
+def _create_representative_bonds_in_chunks(
     model: Model, rows: NDArray[np.int64], representatives: NDArray[np.int64], representative_index: NDArray[np.int64]
 ) -> Iterator[tuple[NDArray[np.int64], Part]]:
     """Bonds of the `representatives` of these rows, some at a time: those of nodes near irregular places, beyond which
@@ -200,11 +202,11 @@ def _number_distinct_limits(limits: NDArray[np.float64], number_by_limits: dict[
     return np.asarray(numbers[which])
 
 
-def find_first_equivalent_rows(plate: HybridPlate, rows: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
+def find_first_row_with_equal_bonds(plate: HybridPlate, rows: NDArray[np.int64], reach: int) -> NDArray[np.int64]:
     """Number (s,) of the first of these rows (s,) of the grid with the same bonds, and neighbours with the same bonds,
     but for round-off, in families of this `reach`, h."""
     every = np.arange(len(rows))
-    if not _is_rectangle(plate):
+    if not _is_uncut_rectangle_of_one_material(plate):
         return every
     far, (nx, ny) = 2 * reach + 2, plate.node_counts
     y, x = np.divmod(rows, nx)
@@ -237,7 +239,7 @@ def _number_positions_relative_to_crack(
     return numbers
 
 
-def _is_rectangle(plate: HybridPlate) -> bool:
+def _is_uncut_rectangle_of_one_material(plate: HybridPlate) -> bool:
     """Whether nodes, of one material, fill a rectangle from which nothing is cut."""
     grid = plate.model.grid
     if plate.listed_nodes is not None or plate.model.settings.regions or len(grid.holes) or grid.bodies is not None:

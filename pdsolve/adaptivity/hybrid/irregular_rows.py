@@ -49,7 +49,7 @@ def create_node_constants(
     for column, nothing in zip(columns, (0, 0, -1, False, 0, 0), strict=True):
         column[0][EMPTY] = nothing
     entries, count = [], 2
-    for fields in _node_constants_by_rows(plate, irregular_bonds, full_family_bits, slowed):
+    for fields in _iterate_node_constants_by_strips(plate, irregular_bonds, full_family_bits, slowed):
         same = np.logical_and.reduce([values == one for values, one in zip(fields, usual, strict=True)])
         entry = np.where(same.reshape(-1, ROW).all(axis=1), USUAL, -1).astype(np.int32)
         entry[(fields.mass == 0).reshape(-1, ROW).all(axis=1)] = EMPTY
@@ -62,7 +62,7 @@ def create_node_constants(
     return NodeConstants(np.concatenate(entries), *row_fields[:5], None if slowed is None else row_fields.damping)
 
 
-def _node_constants_by_rows(
+def _iterate_node_constants_by_strips(
     plate: HybridPlate,
     irregular_bonds: IrregularBonds,
     full_family_bits: NDArray[np.uint64],

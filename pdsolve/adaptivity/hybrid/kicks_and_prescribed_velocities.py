@@ -14,12 +14,12 @@ from pdsolve.conditions import DISPLACEMENT, VELOCITY, factor_at
 
 
 @njit(**INNER)
-def _half_kick_and_drift_rows(nodes, count, u_buffer, dt, drifts):  # type: ignore[no-untyped-def]
+def _half_kick_and_drift_rows(nodes, count, displacement_buffer_index, dt, drifts):  # type: ignore[no-untyped-def]
     """Half a kick, m/s, of all rows by the stored forces, and a drift over `dt`, s, if `drifts`.
 
     In the precision of the motion, as the lanes of the sweep: results do not depend on where sequences end.
     """
-    u, after, v, f = nodes.u[u_buffer], nodes.u[1 - u_buffer], nodes.v, nodes.f
+    u, after, v, f = nodes.u[displacement_buffer_index], nodes.u[1 - displacement_buffer_index], nodes.v, nodes.f
     step, half_step = v.dtype.type(dt), v.dtype.type(dt / 2)
     for n in range(count):
         row = nodes.active_rows[n]
@@ -41,17 +41,17 @@ def _record_damped_energy_of_rows(nodes, count, dt, lane_sums, begins_sequence):
 
 
 @njit(**INNER)
-def half_kick_and_drift_all(lattice, zone, u_buffer, drifts):  # type: ignore[no-untyped-def]
+def half_kick_and_drift_all_lattices(lattice, zone, displacement_buffer_index, drifts):  # type: ignore[no-untyped-def]
     """Half a kick of all nodes and a drift if `drifts`."""
     counts = zone.counts
     lattices = (
         (zone.fine, counts.active_fine_rows),
         (zone.coarse, counts.active_coarse_rows),
-        (zone.far, counts.active_far_node_rows),
+        (zone.far, counts.active_coarsest_rows),
     )
     for nodes, rows in lattices:
         _record_damped_energy_of_rows(nodes, rows, lattice.dt, zone.lane_sums[0], drifts)
-        _half_kick_and_drift_rows(nodes, rows, u_buffer, lattice.dt, drifts)
+        _half_kick_and_drift_rows(nodes, rows, displacement_buffer_index, lattice.dt, drifts)
 
 
 @njit(**INNER)
@@ -82,23 +82,34 @@ def restore_prescribed_velocities(fine, coarse, holds, count):  # type: ignore[n
 
 @njit(**INNER)
 def apply_prescribed_motions(  # type: ignore[no-untyped-def]
-    fine, coarse, holds, count, totals, dt, profiles, u_buffer, step, ends_sequence, begins_sequence
+    fine, coarse, holds, count, totals, dt, profiles, displacement_buffer_index, step, ends_sequence, begins_sequence
 ):
     """Book the holding forces until `step`, unless `begins_sequence`, and hold from there on unless `ends_sequence`."""
     for n in range(count):
         on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
         if on >= 0:
             _apply_prescribed_motion(
-                fine, on, entry, totals, dt, profiles, u_buffer, step, ends_sequence, begins_sequence
+                fine, on, entry, totals, dt, profiles, displacement_buffer_index, step, ends_sequence, begins_sequence
             )
         else:
             _apply_prescribed_motion(
-                coarse, -1 - on, entry, totals, dt, profiles, u_buffer, step, ends_sequence, begins_sequence
+                coarse,
+                -1 - on,
+                entry,
+                totals,
+                dt,
+                profiles,
+                displacement_buffer_index,
+                step,
+                ends_sequence,
+                begins_sequence,
             )
 
 
 @njit(**INNER)
-def _apply_prescribed_motion(nodes, p, entry, totals, dt, profiles, u_buffer, step, ends_sequence, begins_sequence):  # type: ignore[no-untyped-def]
+def _apply_prescribed_motion(  # type: ignore[no-untyped-def]
+    nodes, p, entry, totals, dt, profiles, displacement_buffer_index, step, ends_sequence, begins_sequence
+):
     """Book the force on the held component of node p until `step`, and prescribe it from there; see above."""
     axis, profile, time, speed = entry.axis, entry.profile, step * dt, entry.mean_speed_since_last_step
     u, force = nodes.u, nodes.f[axis, p]
@@ -111,8 +122,8 @@ def _apply_prescribed_motion(nodes, p, entry, totals, dt, profiles, u_buffer, st
     if ends_sequence:
         return
     if entry.prescribed_kind == DISPLACEMENT:
-        speed = (entry.value * factor_at(profiles, profile, time + dt) - u[u_buffer, axis, p]) / dt
+        speed = (entry.value * factor_at(profiles, profile, time + dt) - u[displacement_buffer_index, axis, p]) / dt
     else:
         speed = entry.value * factor_at(profiles, profile, time + dt / 2)
     nodes.v[axis, p] = entry.mean_speed_since_last_step = speed
-    u[1 - u_buffer, axis, p] = u[u_buffer, axis, p] + dt * speed
+    u[1 - displacement_buffer_index, axis, p] = u[displacement_buffer_index, axis, p] + dt * speed

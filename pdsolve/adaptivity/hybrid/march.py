@@ -10,22 +10,22 @@ from numba import njit
 
 from pdsolve.adaptivity.hybrid.arrays import AHEAD, EVERY
 from pdsolve.adaptivity.hybrid.energy import (
+    bond_piece_double_green_strain,
+    bond_piece_elongation,
     double_green_strain_of_spring,
-    piece_double_green_strain,
-    piece_elongation,
 )
-from pdsolve.adaptivity.hybrid.far_cells import divide_far_cells
+from pdsolve.adaptivity.hybrid.far_cells import divide_coarsest_cells
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes, reset_job_counters, sum_forces_and_move_nodes
 from pdsolve.adaptivity.hybrid.kicks_and_prescribed_velocities import (
     apply_prescribed_motions,
-    half_kick_and_drift_all,
+    half_kick_and_drift_all_lattices,
     restore_prescribed_velocities,
     store_constraint_forces,
 )
-from pdsolve.adaptivity.hybrid.node_constants import value_at_node
+from pdsolve.adaptivity.hybrid.node_constants import node_constant_at_place
 from pdsolve.adaptivity.hybrid.precracks import is_unbreakable
 from pdsolve.adaptivity.hybrid.regrid import (
-    list_nodes_near_new_cells,
+    list_nodes_affected_by_new_cells,
     rebuild_node_lists,
     refine_cells,
 )
@@ -36,7 +36,7 @@ from pdsolve.numerics.thread_team import meet
 from pdsolve.zone.cells import (
     FINE,
     IDLE,
-    coordinates,
+    lattice_coordinates,
     mark_and_list_new_fine_cells_near,
     place_on_finer_lattice,
     scale_coordinates,
@@ -48,20 +48,20 @@ SPARE = 64  # rows: room for so many more is always kept
 
 
 @njit(**INNER)
-def _list_cells_near_damaged_nodes(lattice, zone):  # type: ignore[no-untyped-def]
+def _list_cells_to_refine_near_damaged_nodes(lattice, zone):  # type: ignore[no-untyped-def]
     """List the cells to refine near nodes with a broken or softened bond."""
     numbering, count = lattice.numbering, 0
     for n in range(zone.counts.refined_damaged_nodes, zone.counts.damaged_nodes):
         p = zone.damaged_nodes[n]
-        x = coordinates(numbering.fine, p)
+        x = lattice_coordinates(numbering.fine, p)
         count = mark_and_list_new_fine_cells_near(numbering.cells, zone.cell_kinds, x, AHEAD, zone.new_cells, count)
     return count
 
 
 @njit(**INNER)
-def _list_cells_near_stretched_bonds(lattice, zone, u_buffer, count):  # type: ignore[no-untyped-def]
+def _list_cells_to_refine_near_stretched_coarse_bonds(lattice, zone, displacement_buffer_index, count):  # type: ignore[no-untyped-def]
     """List the cells to refine near the nodes of a stretched coarse bond; returns their new `count`."""
-    numbering, coarse, u = lattice.numbering, zone.coarse, zone.coarse.u[u_buffer]
+    numbering, coarse, u = lattice.numbering, zone.coarse, zone.coarse.u[displacement_buffer_index]
     table, offsets = lattice.coarse_spring_table, lattice.coarse_neighbour_offsets
     for n in range(zone.counts.active_coarse_rows):
         row = coarse.active_rows[n]
@@ -74,7 +74,7 @@ def _list_cells_near_stretched_bonds(lattice, zone, u_buffer, count):  # type: i
             for k in range(len(offsets)):
                 strain = double_green_strain_of_spring(coarse, table, offsets, u, q, k)
                 if strain > _refinement_strain(lattice, q) and not _is_coarse_node_unbreakable(lattice, q + offsets[k]):
-                    x = scale_coordinates(coordinates(numbering.coarse, q), 2)
+                    x = scale_coordinates(lattice_coordinates(numbering.coarse, q), 2)
                     count = mark_and_list_new_fine_cells_near(
                         numbering.cells, zone.cell_kinds, x, AHEAD, zone.new_cells, count
                     )
@@ -83,7 +83,7 @@ def _list_cells_near_stretched_bonds(lattice, zone, u_buffer, count):  # type: i
 
 
 @njit(**INNER)
-def _list_cells_near_strained_pieces(lattice, zone, u_buffer, count):  # type: ignore[no-untyped-def]
+def _list_cells_to_refine_near_strained_bond_pieces(lattice, zone, displacement_buffer_index, count):  # type: ignore[no-untyped-def]
     """List the cells to refine near clipped bonds that would soften or break before the next look at the strain rates
     they have; returns the new `count`.
 
@@ -92,40 +92,51 @@ def _list_cells_near_strained_pieces(lattice, zone, u_buffer, count):  # type: i
     """
     (peak, _, bound), time = lattice.least_strain_bounds, EVERY * lattice.dt  # s, until the next look
     fine, coarse, pieces = zone.fine, zone.coarse, zone.clipped_pieces
-    interpolate_border_nodes(fine.u[u_buffer], coarse.u[u_buffer], zone.border_nodes, zone.counts.border_nodes)
-    _set_border_velocities(zone, 1.0)
+    interpolate_border_nodes(
+        fine.u[displacement_buffer_index],
+        coarse.u[displacement_buffer_index],
+        zone.border_nodes,
+        zone.counts.border_nodes,
+    )
+    _set_border_velocities_to_interpolated(zone, 1.0)
     for n in range(zone.counts.clipped_pieces):
-        spring, (eta_x, eta_y) = pieces.springs[n], piece_elongation(pieces, fine.u[u_buffer], coarse.u[u_buffer], n)
-        e, (v_x, v_y) = piece_double_green_strain(spring, eta_x, eta_y), piece_elongation(pieces, fine.v, coarse.v, n)
+        spring, (eta_x, eta_y) = (
+            pieces.springs[n],
+            bond_piece_elongation(pieces, fine.u[displacement_buffer_index], coarse.u[displacement_buffer_index], n),
+        )
+        e, (v_x, v_y) = (
+            bond_piece_double_green_strain(spring, eta_x, eta_y),
+            bond_piece_elongation(pieces, fine.v, coarse.v, n),
+        )
         eta_x, eta_y = eta_x + time * (v_x - spring.swelling_x), eta_y + time * (v_y - spring.swelling_y)
-        comes_near = e > bound and piece_double_green_strain(spring, eta_x, eta_y) > peak
+        comes_near = e > bound and bond_piece_double_green_strain(spring, eta_x, eta_y) > peak
         if spring.is_breakable > 0 and (comes_near or e > NEARLY * peak):
             for side in range(2):
-                count = _list_cells_near_end_of_piece(lattice, zone, pieces.ends[n, side], count)
-    _set_border_velocities(zone, 0.0)
+                count = _list_cells_to_refine_near_bond_piece_end(lattice, zone, pieces.ends[n, side], count)
+    _set_border_velocities_to_interpolated(zone, 0.0)
     return count
 
 
 @njit(**INNER)
-def _set_border_velocities(zone, factor):  # type: ignore[no-untyped-def]
+def _set_border_velocities_to_interpolated(zone, factor):  # type: ignore[no-untyped-def]
     """Set the velocities of fine nodes on the border, which are 0 otherwise, to a `factor` times those of the places
     they lie on."""
     for n in range(zone.counts.border_nodes):
         node = zone.border_nodes[n]
-        a, b, w = node.first_carrier, node.second_carrier, node.second_weight
+        a, b, w = node.first_coarser_node, node.second_coarser_node, node.second_weight
         for axis in range(2):
             v = (1 - w) * zone.coarse.v[axis, a] + w * zone.coarse.v[axis, b]
             zone.fine.v[axis, node.border_node] = factor * v
 
 
 @njit(**INNER)
-def _list_cells_near_end_of_piece(lattice, zone, end, count):  # type: ignore[no-untyped-def]
+def _list_cells_to_refine_near_bond_piece_end(lattice, zone, end, count):  # type: ignore[no-untyped-def]
     """List the cells to refine near the nodes that an end of a piece moves with; returns the new `count`."""
-    numbering, x = lattice.numbering, coordinates(lattice.numbering.fine, end.first_node)
+    numbering, x = lattice.numbering, lattice_coordinates(lattice.numbering.fine, end.first_node)
     if end.second_node < 0:
         return mark_and_list_new_fine_cells_near(numbering.cells, zone.cell_kinds, x, AHEAD, zone.new_cells, count)
     for q in (end.first_node, end.second_node):
-        x = scale_coordinates(coordinates(numbering.coarse, q), 2)
+        x = scale_coordinates(lattice_coordinates(numbering.coarse, q), 2)
         count = mark_and_list_new_fine_cells_near(numbering.cells, zone.cell_kinds, x, AHEAD, zone.new_cells, count)
     return count
 
@@ -134,7 +145,7 @@ def _list_cells_near_end_of_piece(lattice, zone, end, count):  # type: ignore[no
 def _refinement_strain(lattice, q):  # type: ignore[no-untyped-def]
     """The e of a coarse bond at which the cells beside it are refined."""
     p = place_on_finer_lattice(lattice.numbering.coarse, lattice.numbering.fine, 2, q)
-    return lattice.strain_bounds[value_at_node(lattice.node_constants, lattice.node_constants.material, p), 2]
+    return lattice.strain_bounds[node_constant_at_place(lattice.node_constants, lattice.node_constants.material, p), 2]
 
 
 @njit(**INNER)
@@ -155,10 +166,10 @@ def _arrays_have_room(zone, new_fine_rows):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _divide_far_cells_if_due(lattice, zone, u_buffer):  # type: ignore[no-untyped-def]
+def _divide_coarsest_cells_if_due(lattice, zone, displacement_buffer_index):  # type: ignore[no-untyped-def]
     """Make far cells coarse where it is due, before the cells in `zone.new_cells` become fine."""
     count = zone.counts.new_cells
-    if zone.counts.active_far_node_rows > 0 and divide_far_cells(lattice, zone, u_buffer):
+    if zone.counts.active_coarsest_rows > 0 and divide_coarsest_cells(lattice, zone, displacement_buffer_index):
         rebuild_node_lists(lattice, zone)
         zone.counts.new_cells = count
         for c in zone.new_cells[:count]:
@@ -166,31 +177,35 @@ def _divide_far_cells_if_due(lattice, zone, u_buffer):  # type: ignore[no-untype
 
 
 @njit(**INNER)
-def _refine_cells_if_due(lattice, zone, u_buffer, checks_stretches):  # type: ignore[no-untyped-def]
+def _refine_cells_if_due(lattice, zone, displacement_buffer_index, checks_stretches):  # type: ignore[no-untyped-def]
     """Refine where noted, or where found if it `checks_stretches`; or note that room is lacking."""
     if checks_stretches:
-        count = _list_cells_near_stretched_bonds(lattice, zone, u_buffer, _list_cells_near_damaged_nodes(lattice, zone))
+        count = _list_cells_to_refine_near_stretched_coarse_bonds(
+            lattice, zone, displacement_buffer_index, _list_cells_to_refine_near_damaged_nodes(lattice, zone)
+        )
         if zone.totals.clipped_strain > lattice.least_strain_bounds[2] / 2:
-            count = _list_cells_near_strained_pieces(lattice, zone, u_buffer, count)
+            count = _list_cells_to_refine_near_strained_bond_pieces(lattice, zone, displacement_buffer_index, count)
         zone.counts.new_cells = count
-        _divide_far_cells_if_due(lattice, zone, u_buffer)
+        _divide_coarsest_cells_if_due(lattice, zone, displacement_buffer_index)
     begins, rows = zone.counts.cell_changes == 0, 0
     if begins or zone.counts.new_cells > 0:
-        rows = list_nodes_near_new_cells(lattice, zone)
+        rows = list_nodes_affected_by_new_cells(lattice, zone)
     zone.counts.lacks_array_room = not _arrays_have_room(zone, rows)
     if zone.counts.lacks_array_room == 0 and (begins or zone.counts.new_cells > 0):
-        refine_cells(lattice, zone, u_buffer)
+        refine_cells(lattice, zone, displacement_buffer_index)
 
 
 @njit(**INNER)
-def _drift_and_prescribe(lattice, zone, profiles, u_buffer, step, begins_sequence, ends_sequence):  # type: ignore[no-untyped-def]
+def _drift_and_apply_prescribed_motions(  # type: ignore[no-untyped-def]
+    lattice, zone, profiles, displacement_buffer_index, step, begins_sequence, ends_sequence
+):
     """Begin a sequence by a drift and hold until the next step; at the start, only store the holding forces."""
     fine, coarse, holds, count = zone.fine, zone.coarse, zone.holds, zone.counts.prescribed_components
     if begins_sequence and ends_sequence:
         store_constraint_forces(fine, coarse, holds, count)
     else:
         if begins_sequence:
-            half_kick_and_drift_all(lattice, zone, u_buffer, begins_sequence)
+            half_kick_and_drift_all_lattices(lattice, zone, displacement_buffer_index, begins_sequence)
         apply_prescribed_motions(
             fine,
             coarse,
@@ -199,19 +214,22 @@ def _drift_and_prescribe(lattice, zone, profiles, u_buffer, step, begins_sequenc
             zone.totals,
             lattice.dt,
             profiles,
-            u_buffer,
+            displacement_buffer_index,
             step,
             ends_sequence,
             begins_sequence,
         )
     if not ends_sequence:
         interpolate_border_nodes(
-            coarse.u[1 - u_buffer], zone.far.u[1 - u_buffer], zone.tied_coarse_nodes, zone.counts.tied_nodes
+            coarse.u[1 - displacement_buffer_index],
+            zone.far.u[1 - displacement_buffer_index],
+            zone.tied_coarse_nodes,
+            zone.counts.tied_nodes,
         )
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def advance(lattice, zone, profiles, u_buffer, first_step, end_step, has_drifted, thread, barrier):  # type: ignore[no-untyped-def]
+def advance(lattice, zone, profiles, displacement_buffer_index, first_step, end_step, has_drifted, thread, barrier):  # type: ignore[no-untyped-def]
     """Take the steps `first_step` to `end_step` - 1; returns the end code, the step, and the displacement buffer.
 
     At the end, velocities are synchronous with displacements and all forces are kept. With `has_drifted`, it
@@ -223,15 +241,15 @@ def advance(lattice, zone, profiles, u_buffer, first_step, end_step, has_drifted
         if not begins_sequence or ends_sequence:
             if begins_sequence or step % EVERY == 0:
                 if thread == 0:
-                    _refine_cells_if_due(lattice, zone, u_buffer, step >= first_step + has_drifted)
+                    _refine_cells_if_due(lattice, zone, displacement_buffer_index, step >= first_step + has_drifted)
                 meet(barrier)
                 if zone.counts.lacks_array_room != 0:
-                    return ROOM, step, u_buffer
+                    return ROOM, step, displacement_buffer_index
             sum_forces_and_move_nodes(
                 lattice,
                 zone,
                 profiles,
-                u_buffer,
+                displacement_buffer_index,
                 step,
                 0.0 if begins_sequence else lattice.dt,
                 ends_sequence,
@@ -242,13 +260,15 @@ def advance(lattice, zone, profiles, u_buffer, first_step, end_step, has_drifted
             meet(barrier)
         if thread == 0:
             reset_job_counters(zone)
-            _drift_and_prescribe(lattice, zone, profiles, u_buffer, step, begins_sequence, ends_sequence)
+            _drift_and_apply_prescribed_motions(
+                lattice, zone, profiles, displacement_buffer_index, step, begins_sequence, ends_sequence
+            )
         meet(barrier)
         if largest > lattice.least_strain_bounds[0]:
-            return CLIP, step, u_buffer
+            return CLIP, step, displacement_buffer_index
         if not ends_sequence:
-            u_buffer = 1 - u_buffer
+            displacement_buffer_index = 1 - displacement_buffer_index
     if thread == 0 and end_step > first_step:
-        half_kick_and_drift_all(lattice, zone, u_buffer, end_step == first_step)
+        half_kick_and_drift_all_lattices(lattice, zone, displacement_buffer_index, end_step == first_step)
         restore_prescribed_velocities(zone.fine, zone.coarse, zone.holds, zone.counts.prescribed_components)
-    return DONE, end_step - 1, u_buffer
+    return DONE, end_step - 1, displacement_buffer_index

@@ -27,7 +27,7 @@ class NodeConstants(NamedTuple):
 
 
 @njit(forceinline=True, **INNER)
-def value_at_node(node_constants, values, p):  # type: ignore[no-untyped-def]
+def node_constant_at_place(node_constants, values, p):  # type: ignore[no-untyped-def]
     """The value of the fine node at place p, of values (r, 16)."""
     return values[node_constants.constants_row[p // ROW], p % ROW]
 
@@ -40,10 +40,12 @@ def are_bonds_intact(
 ) -> NDArray[np.bool_]:
     """Whether these bonds (k,) of the first half of the families at places `owner` (k,) were there at the start and are
     not among those `broken_bond_bits` (n,), a bit each."""
-    bits = values_at_nodes(node_constants, node_constants.initial_bond_bits, owner) & ~broken_bond_bits[owner]
+    bits = node_constants_at_places(node_constants, node_constants.initial_bond_bits, owner) & ~broken_bond_bits[owner]
     return np.asarray(bits >> bond.astype(np.uint64) & np.uint64(1) != 0)
 
 
-def values_at_nodes(node_constants: NodeConstants, values: NDArray[Any], places: NDArray[np.int64]) -> NDArray[Any]:
+def node_constants_at_places(
+    node_constants: NodeConstants, values: NDArray[Any], places: NDArray[np.int64]
+) -> NDArray[Any]:
     """Values (k,) of the fine nodes at places (k,), of values (r, 16)."""
     return np.asarray(values[node_constants.constants_row[places // ROW], places % ROW])

@@ -110,18 +110,18 @@ def scatter_node_motion(value, rate, places, rows, u, v, node_kinds):  # type: i
                 u[axis, p], v[axis, p] = value[rows[n], axis], rate[rows[n], axis]
 
 
-def border_values(
+def interpolate_values_of_border_nodes(
     border: NDArray[BorderNode], values: NDArray[np.floating], inverse_mass: NDArray[np.floating]
 ) -> NDArray[np.floating]:
     """Values (2, k) of border nodes (k,): means of the `values` (2, .) of the nodes that carry them, times their
     `inverse_mass` (.,), where that is not of length 0."""
-    ends = border["first_carrier"], border["second_carrier"]
+    ends = border["first_coarser_node"], border["second_coarser_node"]
     first, second = (values[:, end] * inverse_mass[end] if len(inverse_mass) else values[:, end] for end in ends)
     return np.asarray((1 - border["second_weight"]) * first + border["second_weight"] * second)
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def pack_spring_bits(stiffness_index, row_stiffness, places):  # type: ignore[no-untyped-def]
+def pack_spring_existence_bits(stiffness_index, row_stiffness, places):  # type: ignore[no-untyped-def]
     """The bits (f, 1) of the springs of nodes of a compact lattice at these places (f,)."""
     spring_bits = np.zeros((len(places), 1), np.uint8)
     for j in range(len(places)):

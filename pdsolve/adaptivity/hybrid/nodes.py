@@ -19,10 +19,10 @@ from pdsolve.zone.cells import (
     IDLE,
     cell_around,
     cell_corner,
-    coordinates,
-    count_cells_around,
+    count_cells_of_kind_around,
     fine_node_kind,
-    place_at,
+    lattice_coordinates,
+    place_number_at,
 )
 from pdsolve.zone.springs import STIFFNESS
 
@@ -30,25 +30,25 @@ from pdsolve.zone.springs import STIFFNESS
 @njit(**INNER)
 def set_fine_node_kind_and_mass(numbering, mass, cells, fine, p):  # type: ignore[no-untyped-def]
     """Set kind and mass of a fine node with the whole cell `mass`."""
-    x = coordinates(numbering.fine, p)
+    x = lattice_coordinates(numbering.fine, p)
     fine.node_kinds[p] = IDLE if mass == 0 else fine_node_kind(numbering, cells, x)
     fine_quarters, coarse_quarters = (
-        count_cells_around(numbering, cells, x, FINE),
-        count_cells_around(numbering, cells, x, COARSE),
+        count_cells_of_kind_around(numbering, cells, x, FINE),
+        count_cells_of_kind_around(numbering, cells, x, COARSE),
     )
     fine.mass[p] = mass * fine_quarters / (fine_quarters + coarse_quarters) if fine_quarters > 0 else 0.0
     fine.inverse_mass[p] = 1 / fine.mass[p] if fine.node_kinds[p] == FREE else 0.0
 
 
 @njit(**INNER)
-def coarse_carriers_on_edge(lattice, node_kinds, x, y, direction, w):  # type: ignore[no-untyped-def]
+def coarse_interpolation_nodes_on_edge(lattice, node_kinds, x, y, direction, w):  # type: ignore[no-untyped-def]
     """The coarse nodes that a place on an edge moves with, and the share of the second.
 
     Where a pre-crack cuts the edge, the place moves with nodes on its own side. It is extrapolated from the two next
     ones, so that a rotating face is not stretched, or follows one where there are no two. `node_kinds` are of coarse
     nodes.
     """
-    q = place_at(lattice.numbering.coarse, (x, y))
+    q = place_number_at(lattice.numbering.coarse, (x, y))
     if w == 0:
         return q, q, 0.0
     step = 1 if direction == 0 else lattice.numbering.coarse.strides[1]
@@ -68,12 +68,14 @@ def coarse_carriers_on_edge(lattice, node_kinds, x, y, direction, w):  # type: i
 
 
 @njit(**INNER)
-def coarse_carriers_of_border_node(lattice, node_kinds, p):  # type: ignore[no-untyped-def]
+def coarse_interpolation_nodes_of_border_node(lattice, node_kinds, p):  # type: ignore[no-untyped-def]
     """The coarse nodes that fine node p, on a line between cells, moves with, and the share of the second; see
-    `coarse_carriers_on_edge`."""
-    ix, iy = coordinates(lattice.numbering.fine, p)
+    `coarse_interpolation_nodes_on_edge`."""
+    ix, iy = lattice_coordinates(lattice.numbering.fine, p)
     odd_x, odd_y = ix % 2, iy % 2
-    return coarse_carriers_on_edge(lattice, node_kinds, ix // 2, iy // 2, 0 if odd_x else 1, 0.5 * (odd_x + odd_y))
+    return coarse_interpolation_nodes_on_edge(
+        lattice, node_kinds, ix // 2, iy // 2, 0 if odd_x else 1, 0.5 * (odd_x + odd_y)
+    )
 
 
 @njit(**INNER)
@@ -96,15 +98,15 @@ def set_spring_stiffness(nodes, q, k, stiffness, spring_table):  # type: ignore[
 def set_coarse_node_properties(lattice, cells, fine, coarse, q):  # type: ignore[no-untyped-def]
     """Kind, mass and springs of a coarse node, which is on the border next to far cells."""
     numbering, mass = lattice.numbering, 0.0
-    x, y = coordinates(numbering.coarse, q)
+    x, y = lattice_coordinates(numbering.coarse, q)
     for sy in (-1, 0):
         for sx in (-1, 0):
-            c = place_at(numbering.cells, (x + sx, y + sy))
+            c = place_number_at(numbering.cells, (x + sx, y + sy))
             if cells[c] == COARSE:
-                mass += lattice.coarse_cell_constants[2, lattice.constants_index_of_cell[c]] * corner_area_share(
-                    lattice, x + sx, y + sy, -sx, -sy
-                )
-    tied = count_cells_around(numbering, cells, (2 * x, 2 * y), FAR) > 0
+                mass += lattice.coarse_cell_constants[
+                    2, lattice.constants_index_of_cell[c]
+                ] * corner_area_over_quarter_cell(lattice, x + sx, y + sy, -sx, -sy)
+    tied = count_cells_of_kind_around(numbering, cells, (2 * x, 2 * y), FAR) > 0
     coarse.node_kinds[q] = IDLE if mass == 0 else BORDER if tied else FREE
     for k in range(len(lattice.coarse_dx)):
         stiffness = coarse_spring_stiffness(lattice, cells, q, x, y, k)
@@ -112,18 +114,18 @@ def set_coarse_node_properties(lattice, cells, fine, coarse, q):  # type: ignore
     if mass > 0:
         for dy in (-1, 0, 1):
             for dx in (-1, 0, 1):
-                p = place_at(numbering.fine, (2 * x + dx, 2 * y + dy))
-                mass += _mass_passed_by_fine_node(lattice, coarse.node_kinds, fine, p, q)
+                p = place_number_at(numbering.fine, (2 * x + dx, 2 * y + dy))
+                mass += _mass_lumped_from_fine_node(lattice, coarse.node_kinds, fine, p, q)
     coarse.mass[q] = mass
     coarse.inverse_mass[q] = 1 / mass if mass > 0 and not tied else 0.0
 
 
 @njit(**INNER)
-def _mass_passed_by_fine_node(lattice, node_kinds, fine, p, q):  # type: ignore[no-untyped-def]
+def _mass_lumped_from_fine_node(lattice, node_kinds, fine, p, q):  # type: ignore[no-untyped-def]
     """Mass that a fine node passes to coarse node q."""
     if fine.node_kinds[p] != BORDER:
         return 0.0
-    a, b, w = coarse_carriers_of_border_node(lattice, node_kinds, p)
+    a, b, w = coarse_interpolation_nodes_of_border_node(lattice, node_kinds, p)
     w = max(w, 0.0)  # mass goes to the next one
     return fine.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
 
@@ -137,7 +139,7 @@ def coarse_spring_stiffness(lattice, cells, q, x, y, k):  # type: ignore[no-unty
     if (lattice.cut_coarse_spring_bits[owner] >> which) & 1:
         return 0.0
     x0, y0 = x + min(dx, 0), y + min(dy, 0)
-    c = place_at(numbering.cells, (x0, y0))
+    c = place_number_at(numbering.cells, (x0, y0))
     if dx != 0 and dy != 0:
         return lattice.coarse_cell_constants[1, lattice.constants_index_of_cell[c]] if cells[c] == COARSE else 0.0
     along_y = 1 if dy != 0 else 0
@@ -152,7 +154,7 @@ def _cell_edge_stiffness(lattice, cells, x, y, along_y, second):  # type: ignore
     Of a cell that a pre-crack crosses between them, each is that of a free strip: k = w (C11 - C66^2 / C11) for the
     width w over the cell's.
     """
-    c = place_at(lattice.numbering.cells, (x, y))
+    c = place_number_at(lattice.numbering.cells, (x, y))
     if cells[c] != COARSE:
         return 0.0
     k1, k2 = (
@@ -169,22 +171,22 @@ def _cell_edge_stiffness(lattice, cells, x, y, along_y, second):  # type: ignore
 def _crack_position_across_cell(lattice, x, y, along_y):  # type: ignore[no-untyped-def]
     """Where, from the first of a cell's edges parallel to an axis to the second, a pre-crack crosses between them; 0:
     nowhere."""
-    q = place_at(lattice.numbering.coarse, (x, y))
+    q = place_number_at(lattice.numbering.coarse, (x, y))
     opposite = q + (lattice.numbering.coarse.strides[1] if along_y else 1)
     first, second = lattice.edge_cut_position[1 - along_y, q], lattice.edge_cut_position[1 - along_y, opposite]
     return (first + second) / 2 if first > 0 and second > 0 else 0.0
 
 
 @njit(**INNER)
-def corner_area_share(lattice, x, y, right, above):  # type: ignore[no-untyped-def]
+def corner_area_over_quarter_cell(lattice, x, y, right, above):  # type: ignore[no-untyped-def]
     """Share of a corner in its cell's area, over a quarter: corners on a side of a pre-crack have the side's."""
-    if not lattice.is_cell_cut[place_at(lattice.numbering.cells, (x, y))]:
+    if not lattice.is_cell_cut[place_number_at(lattice.numbering.cells, (x, y))]:
         return 1.0
     for along_y, second in ((0, above), (1, right)):
         across = _crack_position_across_cell(lattice, x, y, along_y)
         if across > 0:
             return 2 * (1 - across if second else across)
-    q, stride = place_at(lattice.numbering.coarse, (x, y)), lattice.numbering.coarse.strides[1]
+    q, stride = place_number_at(lattice.numbering.coarse, (x, y)), lattice.numbering.coarse.strides[1]
     low, high = lattice.edge_cut_position[0, q], lattice.edge_cut_position[0, q + stride]
     near, far = lattice.edge_cut_position[1, q], lattice.edge_cut_position[1, q + 1]
     for number in range(4):
@@ -204,13 +206,13 @@ def interpolate_coarse_at_fine_place(lattice, node_kinds, values, ix, iy, x, y, 
     one, they are the mean over the visible corners.
     """
     numbering = lattice.numbering
-    if not lattice.is_cell_cut[place_at(numbering.cells, (x, y))]:
+    if not lattice.is_cell_cut[place_number_at(numbering.cells, (x, y))]:
         interpolate_bilinear(numbering.coarse, values, ix, iy, x, y, out)
         return
     for dx, dy in ((0, -1), (0, 1), (-1, 0), (1, 0)):
-        if lattice.is_cell_cut[place_at(numbering.cells, (x + dx, y + dy))]:
+        if lattice.is_cell_cut[place_number_at(numbering.cells, (x + dx, y + dy))]:
             continue
-        q = place_at(numbering.coarse, (x + dx, y + dy))
+        q = place_number_at(numbering.coarse, (x + dx, y + dy))
         active = node_kinds[q] == FREE and node_kinds[q + 1] == FREE
         active = (
             active
@@ -227,7 +229,7 @@ def interpolate_coarse_at_fine_place(lattice, node_kinds, values, ix, iy, x, y, 
 def interpolate_bilinear(numbering, values, ix, iy, x, y, out):  # type: ignore[no-untyped-def]
     """Bilinear interpolation or extrapolation from the corners of cell x, y, of a lattice at a node of the twice finer
     one."""
-    wx, wy, q, stride = (ix - 2 * x) / 2, (iy - 2 * y) / 2, place_at(numbering, (x, y)), numbering.strides[1]
+    wx, wy, q, stride = (ix - 2 * x) / 2, (iy - 2 * y) / 2, place_number_at(numbering, (x, y)), numbering.strides[1]
     for axis in range(2):
         low = values[axis, q] if wx == 0 else (1 - wx) * values[axis, q] + wx * values[axis, q + 1]
         q2 = q + stride
@@ -245,7 +247,7 @@ def _average_visible_corners(numbering, cracks, values, ix, iy, x, y, out):  # t
         w = (wx if column > x else 1 - wx) * (wy if row > y else 1 - wy)
         if w == 0 or not is_visible(cracks, ix, iy, 2.0 * column, 2.0 * row):
             continue
-        q = place_at(numbering.coarse, (column, row))
+        q = place_number_at(numbering.coarse, (column, row))
         total += w
         out[0] += w * values[0, q]
         out[1] += w * values[1, q]
@@ -253,7 +255,7 @@ def _average_visible_corners(numbering, cracks, values, ix, iy, x, y, out):  # t
         out[0] /= total
         out[1] /= total
         return
-    q = place_at(numbering.coarse, (x + (wx > 0.5), y + (wy > 0.5)))
+    q = place_number_at(numbering.coarse, (x + (wx > 0.5), y + (wy > 0.5)))
     out[0], out[1] = values[0, q], values[1, q]
 
 
@@ -262,66 +264,66 @@ def adjacent_coarse_cell(numbering, cells, ix, iy):  # type: ignore[no-untyped-d
     """Lower left corner of a coarse cell that contains or touches a fine node; (-1, -1) without one."""
     for number in (3, 2, 1, 0):
         x, y = cell_around((ix, iy), number)
-        if cells[place_at(numbering.cells, (x, y))] == COARSE:
+        if cells[place_number_at(numbering.cells, (x, y))] == COARSE:
             return x, y
     return -1, -1
 
 
 @njit(forceinline=True, **INNER)
-def is_far_cell(numbering, cells, x, y):  # type: ignore[no-untyped-def]
+def is_coarsest_cell(numbering, cells, x, y):  # type: ignore[no-untyped-def]
     """Whether the cell of 4 h whose lower left corner is far node x, y, is one."""
-    return cells[place_at(numbering.cells, (2 * x, 2 * y))] == FAR
+    return cells[place_number_at(numbering.cells, (2 * x, 2 * y))] == FAR
 
 
 @njit(forceinline=True, **INNER)
-def far_carriers_of_coarse_node(numbering, x, y):  # type: ignore[no-untyped-def]
+def coarsest_interpolation_nodes_of_coarse_node(numbering, x, y):  # type: ignore[no-untyped-def]
     """The far nodes that coarse node x, y on their border moves with, and the share of the second."""
-    first = place_at(numbering.far, (x // 2, y // 2))
+    first = place_number_at(numbering.far, (x // 2, y // 2))
     if x % 2 == 0 and y % 2 == 0:
         return first, first, 0.0
     return first, first + (1 if x % 2 else numbering.far.strides[1]), 0.5
 
 
 @njit(**INNER)
-def set_far_node_properties(lattice, zone, q):  # type: ignore[no-untyped-def]
+def set_coarsest_node_properties(lattice, zone, q):  # type: ignore[no-untyped-def]
     """Kind, mass and springs of a far node."""
-    (x, y), far, mass = coordinates(lattice.numbering.far, q), zone.far, 0.0
+    (x, y), far, mass = lattice_coordinates(lattice.numbering.far, q), zone.far, 0.0
     for sy in (-1, 0):
         for sx in (-1, 0):
-            is_far = is_far_cell(lattice.numbering, zone.cell_kinds, x + sx, y + sy)
+            is_far = is_coarsest_cell(lattice.numbering, zone.cell_kinds, x + sx, y + sy)
             mass += 4 * lattice.coarse_cell_constants[2, 0] if is_far else 0.0
     far.node_kinds[q] = FREE if mass > 0 else IDLE
     for k in range(len(lattice.coarse_dx)):
-        stiffness = _far_spring_stiffness(lattice, zone.cell_kinds, x, y, k)
-        set_spring_stiffness(far, q, k, stiffness, lattice.far_spring_table)
+        stiffness = _coarsest_spring_stiffness(lattice, zone.cell_kinds, x, y, k)
+        set_spring_stiffness(far, q, k, stiffness, lattice.coarsest_spring_table)
     if mass > 0:
-        mass += _mass_passed_by_coarse_nodes(lattice.numbering, zone.coarse, q)
+        mass += _mass_lumped_from_coarse_nodes(lattice.numbering, zone.coarse, q)
     far.mass[q] = mass
     far.inverse_mass[q] = 1 / mass if mass > 0 else 0.0
 
 
 @njit(**INNER)
-def _mass_passed_by_coarse_nodes(numbering, coarse, q):  # type: ignore[no-untyped-def]
+def _mass_lumped_from_coarse_nodes(numbering, coarse, q):  # type: ignore[no-untyped-def]
     """Mass that coarse nodes pass to far node q."""
-    (x, y), mass = coordinates(numbering.far, q), 0.0
+    (x, y), mass = lattice_coordinates(numbering.far, q), 0.0
     for n in range(9):
         column, row = 2 * x + n % 3 - 1, 2 * y + n // 3 - 1
-        p = place_at(numbering.coarse, (column, row))
+        p = place_number_at(numbering.coarse, (column, row))
         if coarse.node_kinds[p] == BORDER:
-            a, b, w = far_carriers_of_coarse_node(numbering, column, row)
+            a, b, w = coarsest_interpolation_nodes_of_coarse_node(numbering, column, row)
             mass += coarse.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
     return mass
 
 
 @njit(**INNER)
-def _far_spring_stiffness(lattice, cells, x, y, k):  # type: ignore[no-untyped-def]
+def _coarsest_spring_stiffness(lattice, cells, x, y, k):  # type: ignore[no-untyped-def]
     """Stiffness of spring k of far node x, y: half from each cell of 4 h along an edge."""
     numbering, dx, dy = lattice.numbering, lattice.coarse_dx[k], lattice.coarse_dy[k]
     x0, y0 = x + min(dx, 0), y + min(dy, 0)
     if dx != 0 and dy != 0:
-        return lattice.coarse_cell_constants[1, 0] if is_far_cell(numbering, cells, x0, y0) else 0.0
-    far_across = is_far_cell(numbering, cells, x0 - (dy != 0), y0 - (dx != 0))
-    return 0.5 * lattice.coarse_cell_constants[0, 0] * (is_far_cell(numbering, cells, x0, y0) + far_across)
+        return lattice.coarse_cell_constants[1, 0] if is_coarsest_cell(numbering, cells, x0, y0) else 0.0
+    far_across = is_coarsest_cell(numbering, cells, x0 - (dy != 0), y0 - (dx != 0))
+    return 0.5 * lattice.coarse_cell_constants[0, 0] * (is_coarsest_cell(numbering, cells, x0, y0) + far_across)
 
 
 @njit(**INNER)
@@ -338,21 +340,23 @@ def list_active_rows(nodes):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def list_far_rows_and_tied_nodes(lattice, zone, coarse_row_count):  # type: ignore[no-untyped-def]
+def list_coarsest_rows_and_tied_coarse_nodes(lattice, zone, coarse_row_count):  # type: ignore[no-untyped-def]
     """List rows with far nodes, and the coarse nodes tied to them, in so many rows."""
     coarse, far, tied, count = zone.coarse, zone.far, zone.tied_coarse_nodes, 0
-    zone.counts.active_far_node_rows = list_active_rows(far)
+    zone.counts.active_coarsest_rows = list_active_rows(far)
     zone.counts.tied_nodes = 0
-    if zone.counts.active_far_node_rows == 0:
+    if zone.counts.active_coarsest_rows == 0:
         return
     far.has_extra_forces[:] = False
     for row in coarse.active_rows[:coarse_row_count]:
         for q in range(row * ROW, row * ROW + ROW):
             if coarse.node_kinds[q] != BORDER:
                 continue
-            a, b, w = far_carriers_of_coarse_node(lattice.numbering, *coordinates(lattice.numbering.coarse, q))
+            a, b, w = coarsest_interpolation_nodes_of_coarse_node(
+                lattice.numbering, *lattice_coordinates(lattice.numbering.coarse, q)
+            )
             node = tied[count]
-            node.border_node, node.first_carrier, node.second_carrier, node.second_weight = q, a, b, w
+            node.border_node, node.first_coarser_node, node.second_coarser_node, node.second_weight = q, a, b, w
             coarse.has_extra_forces[row] = far.has_extra_forces[a // ROW] = far.has_extra_forces[b // ROW] = True
             count += 1
     zone.counts.tied_nodes = count

@@ -15,15 +15,15 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import LatticeNodes
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
-from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_nodes
-from pdsolve.adaptivity.hybrid.node_constants import are_bonds_intact, values_at_nodes
+from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_rows_with_spacing_and_areas
+from pdsolve.adaptivity.hybrid.node_constants import are_bonds_intact, node_constants_at_places
 from pdsolve.adaptivity.hybrid.node_lists import (
     NodeLists,
-    border_values,
     gather_node_values,
+    interpolate_values_of_border_nodes,
     list_bonds_and_springs,
     number_current_nodes,
-    pack_spring_bits,
+    pack_spring_existence_bits,
     scatter_node_motion,
 )
 from pdsolve.adaptivity.two_lattice_operator import EnergyBalanceTotals, TwoLatticeOperator
@@ -31,7 +31,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.model import Model
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State
-from pdsolve.zone.cells import COARSE, FAR, IDLE, coordinates, place_at, place_on_finer_lattice
+from pdsolve.zone.cells import COARSE, FAR, IDLE, lattice_coordinates, place_number_at, place_on_finer_lattice
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -57,7 +57,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         fine = _active_places(zone.fine, zone.counts.active_fine_rows)
         coarse, far = (
             _active_places(zone.coarse, zone.counts.active_coarse_rows),
-            _active_places(zone.far, zone.counts.active_far_node_rows),
+            _active_places(zone.far, zone.counts.active_coarsest_rows),
         )
         self._fine, self._coarse, self._far = fine, coarse.astype(np.int32), far.astype(np.int32)
         del coarse, far
@@ -65,7 +65,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         self.places = number_current_nodes(
             hybrid.plate.numbering, fine, self._coarse, self._fine_rows, self._coarse_rows
         )
-        self._far_rows = self._renumber_with_far_nodes()
+        self._far_rows = self._renumber_with_coarsest_nodes()
         self._lists = NodeLists(fine, self._coarse, self._fine_rows, self._coarse_rows)
         self._bonds = np.zeros(
             (len(fine), len(hybrid.lattice.neighbour_offsets)), dtype=np.bool_
@@ -88,7 +88,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         list_bonds_and_springs(
             *columns, zone.broken_bond_bits, lattice.neighbour_offsets, same, self._lists, self._bonds, self._springs
         )
-        self._far_springs = pack_spring_bits(
+        self._far_springs = pack_spring_existence_bits(
             zone.far.stiffness_index_of_row, zone.far.row_stiffness, self._far
         )  # likewise
         self._changes = self._count_changes_and_coarse_cells()
@@ -98,11 +98,11 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         """Precision of the motion."""
         return self.engine.zone.fine.u.dtype
 
-    def _renumber_with_far_nodes(self) -> NDArray[np.int32]:
+    def _renumber_with_coarsest_nodes(self) -> NDArray[np.int32]:
         """Number the far nodes too; returns their rows (f,)."""
         if not len(self._far):
             return np.zeros(0, dtype=np.int32)
-        beneath, before = self.engine.fine_places_of_far(self._far.astype(np.int64)), self.places
+        beneath, before = self.engine.fine_places_of_coarsest_nodes(self._far.astype(np.int64)), self.places
         both = np.sort(np.concatenate([before, beneath]), kind="stable")  # two runs, which are merged
         self.places = both[np.append(True, both[1:] != both[:-1])]
         rows = np.searchsorted(self.places, before)
@@ -137,20 +137,20 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         """The model of the n current nodes, without conditions."""
         widths = np.ones(len(self.grid_rows))
         widths[self._coarse_rows], widths[self._far_rows] = 2.0, 4.0
-        return model_of_nodes(self.engine.plate.model, self.grid_rows, widths, self.area)
+        return model_of_rows_with_spacing_and_areas(self.engine.plate.model, self.grid_rows, widths, self.area)
 
     @cached_property
     def area(self) -> NDArray[np.float64]:
         """Areas (n,), m^2: for a fine node its share of fine cells, for others likewise."""
         plate, zone = self.engine.plate, self.engine.zone
         nodes = self.engine.lattice.node_constants
-        part = zone.fine.mass[self._fine] / values_at_nodes(nodes, nodes.mass, self._fine)
+        part = zone.fine.mass[self._fine] / node_constants_at_places(nodes, nodes.mass, self._fine)
         cell_areas = plate.area_shares_of_grid_rows(plate.grid_rows_at(self._fine)) * plate.spacing**2
         areas = np.zeros(len(self.places))
         areas[self._fine_rows] = part * cell_areas
         stride = plate.numbering.cells.strides[1]
         for rows, coarse in self._coarse_rows_and_places_in_chunks():
-            corner = place_at(plate.numbering.cells, coordinates(plate.numbering.coarse, coarse))
+            corner = place_number_at(plate.numbering.cells, lattice_coordinates(plate.numbering.coarse, coarse))
             around = sum((zone.cell_kinds[corner - dy * stride - dx] == COARSE) for dy in (0, 1) for dx in (0, 1))
             areas[rows] += plate.spacing**2 * around
         for first in range(0, len(self._far), TOGETHER):
@@ -170,26 +170,26 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         count[self._coarse_rows] += BITS[self._springs[:, 0]]
         count[self._far_rows] += BITS[self._far_springs[:, 0]]
         family = count.copy()
-        family[self._fine_rows] += self._cut[values_at_nodes(nodes, nodes.irregular_bond_row, self._fine)].astype(
-            np.int16
-        )
+        family[self._fine_rows] += self._cut[
+            node_constants_at_places(nodes, nodes.irregular_bond_row, self._fine)
+        ].astype(np.int16)
         for rows, _ in self._coarse_rows_and_places_in_chunks():
             alone = rows[~fine[rows]]
-            family[alone] = np.maximum(family[alone], self._count_full_springs(alone))
+            family[alone] = np.maximum(family[alone], self._count_springs_with_cut_ones(alone))
         return count, np.maximum(family, 1)  # one that is broken, of a node none of whose bonds is left
 
-    def _count_full_springs(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
+    def _count_springs_with_cut_ones(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
         """Number of springs of coarse nodes, including those cut by pre-cracks."""
         plate, zone = self.engine.plate, self.engine.zone
-        x, y = coordinates(plate.numbering.fine, self.places[rows])
-        corner = place_at(plate.numbering.cells, (x // 2, y // 2))
+        x, y = lattice_coordinates(plate.numbering.fine, self.places[rows])
+        corner = place_number_at(plate.numbering.cells, (x // 2, y // 2))
         south, west = plate.numbering.cells.strides[1], 1
         ne, nw, sw, se = (zone.cell_kinds[corner - away] == COARSE for away in (0, west, south + west, south))
         edges = [ne | se, ne | nw, nw | sw, sw | se]
         return np.asarray(sum(is_coarse.astype(np.int16) for is_coarse in (ne, nw, sw, se, *edges)))
 
     @property
-    def node_signatures(self) -> NDArray[np.int16]:
+    def node_and_bond_signatures(self) -> NDArray[np.int16]:
         """Signature (n,) that changes if a node, its area or its bonds change."""
         quarters = np.round(4 * self.area / self.engine.plate.spacing**2)  # up to 64
         signature = (1900 * quarters % 2**15).astype(np.int16)
@@ -199,13 +199,13 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         return signature
 
     @property
-    def is_current(self) -> bool:
+    def nodes_are_unchanged(self) -> bool:
         """Whether no cell has become fine or coarse since this operator was made."""
         return self._count_changes_and_coarse_cells() == self._changes
 
-    def operator_if_changed(self) -> HybridOperator | None:
+    def new_operator_if_nodes_changed(self) -> HybridOperator | None:
         """The operator on the current nodes if they have changed, else None."""
-        return None if self.is_current else HybridOperator(self.engine, self._cut)
+        return None if self.nodes_are_unchanged else HybridOperator(self.engine, self._cut)
 
     def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore a checkpoint; see `TwoLatticeOperator`."""
@@ -227,15 +227,17 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         )
         border, tied = zone.border_nodes[: zone.counts.border_nodes], zone.tied_coarse_nodes[: zone.counts.tied_nodes]
         gather_node_values(fine, over_fine, self._fine, self._fine_rows, out)
-        out[self._rows_at_places(border["border_node"])] = border_values(border, coarse, over_coarse).T
+        out[self._rows_at_places(border["border_node"])] = interpolate_values_of_border_nodes(
+            border, coarse, over_coarse
+        ).T
         gather_node_values(coarse, over_coarse, self._coarse, self._coarse_rows, out)
         tied_rows = self._coarse_rows[np.searchsorted(self._coarse, tied["border_node"])]
-        out[tied_rows] = border_values(tied, far, over_far).T
+        out[tied_rows] = interpolate_values_of_border_nodes(tied, far, over_far).T
         gather_node_values(far, over_far, self._far, self._far_rows, out)
 
     def _write_node_motion(self, state: State) -> None:
         """Set all lattices to the values and rates of a state; border nodes are interpolated."""
-        zone, now = self.engine.zone, self.engine.u_buffer
+        zone, now = self.engine.zone, self.engine.displacement_buffer_index
         border, tied = zone.border_nodes[: zone.counts.border_nodes], zone.tied_coarse_nodes[: zone.counts.tied_nodes]
         for nodes, places, rows in (
             (zone.coarse, self._coarse, self._coarse_rows),
@@ -243,9 +245,14 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
             (zone.far, self._far, self._far_rows),
         ):
             scatter_node_motion(state.value, state.rate, places, rows, nodes.u[now], nodes.v, nodes.node_kinds)
-        for nodes, border_nodes, carriers in ((zone.fine, border, zone.coarse), (zone.coarse, tied, zone.far)):
+        for nodes, border_nodes, interpolation_nodes in (
+            (zone.fine, border, zone.coarse),
+            (zone.coarse, tied, zone.far),
+        ):
             swelling = np.stack([border_nodes["swelling_x"], border_nodes["swelling_y"]])
-            values = border_values(border_nodes, carriers.u[now], carriers.inverse_mass[:0])
+            values = interpolate_values_of_border_nodes(
+                border_nodes, interpolation_nodes.u[now], interpolation_nodes.inverse_mass[:0]
+            )
             nodes.u[now][:, border_nodes["border_node"]] = values + swelling
 
     def swell(self, strain: NDArray[np.float64]) -> None:
@@ -254,7 +261,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
 
     def copy_to_state(self, state: State) -> None:
         """Update a state from all lattices; work is known only to the ledger."""
-        zone, now = self.engine.zone, self.engine.u_buffer
+        zone, now = self.engine.zone, self.engine.displacement_buffer_index
         self._gather_values(zone.fine.u[now], zone.coarse.u[now], zone.far.u[now], state.value)
         border = zone.border_nodes[: zone.counts.border_nodes]
         swelling = np.column_stack([border["swelling_x"], border["swelling_y"]])
@@ -287,7 +294,10 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
-        from pdsolve.adaptivity.hybrid.tangent import assemble_tangent, create_point_weights  # few runs need it
+        from pdsolve.adaptivity.hybrid.tangent import (  # few runs need it
+            assemble_tangent,
+            create_point_interpolation_weights,
+        )
 
         zone, light = self.engine.zone, np.zeros(len(self.places))
         light[self._fine_rows] = zone.fine.inverse_mass[self._fine]  # 0 of those on the border
@@ -296,7 +306,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         coarse, far = self._coarse.astype(np.int64), self._far.astype(np.int64)
         row_of = np.full(self.engine.plate.numbering.fine.place_count, -1, dtype=np.int32)
         row_of[self.places] = np.arange(len(self.places))
-        points = create_point_weights(self.engine, row_of, self._fine, coarse, far)
+        points = create_point_interpolation_weights(self.engine, row_of, self._fine, coarse, far)
         del row_of  # of all fine places, beside the tangent
         return assemble_tangent(self.engine, points, state.value, self.current_nodes_model.rho, light)
 
@@ -316,7 +326,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     def energy_balance_totals(self) -> EnergyBalanceTotals:
         """Energies, work and momentum at the state of the last call of `energies`."""
         kinetic, x, y = self.engine.kinetic_energy_and_momentum().tolist()
-        dissipated, work, _ = self.engine.energy_totals
+        dissipated, work, _ = self.engine.dissipated_energy_work_and_refinement_energy
         return EnergyBalanceTotals(
             kinetic,
             self._strain,
@@ -328,13 +338,13 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
             len(self.engine.break_events().step),
         )
 
-    def load_forces(self, profile_count: int) -> NDArray[np.float64]:
+    def load_force_by_profile(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, of the loads at factor 1."""
         loads, forces = self.engine.zone.loads.entries, np.zeros((profile_count, 2))
         np.add.at(forces, (loads["profile"], loads["axis"]), loads["value"])
         return forces
 
-    def holding_forces(self, profile_count: int) -> NDArray[np.float64]:
+    def constraint_force_by_profile(self, profile_count: int) -> NDArray[np.float64]:
         """Forces (profiles, 2), N/m, that hold the nodes with prescribed motion."""
         zone, forces = self.engine.zone, np.zeros((profile_count, 2))
         holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.prescribed_components, 1]]
@@ -342,17 +352,17 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         return forces
 
     def bonds(
-        self, first: int = 0, last: int | None = None, start: bool = False
+        self, first_row: int = 0, end_row: int | None = None, at_start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
-        `start`."""
-        last = len(self.places) if last is None else last
+        """Source and target rows (k,) of the intact bonds of nodes `first_row` to `end_row` - 1, or of those at the
+        start, if `at_start`."""
+        end_row = len(self.places) if end_row is None else end_row
         lists = self._fine_rows, self._coarse_rows, self._far_rows
-        row_ranges = ((rows, np.array([first, last], dtype=rows.dtype)) for rows in lists)
+        row_ranges = ((rows, np.array([first_row, end_row], dtype=rows.dtype)) for rows in lists)
         fine_numbers, coarse_numbers, far_numbers = (
             np.arange(*np.searchsorted(rows, ends)) for rows, ends in row_ranges
         )  # of one type: no copies
-        return self._bonds_of_numbered_nodes(fine_numbers, coarse_numbers, far_numbers, start)
+        return self._bonds_of_nodes_by_number(fine_numbers, coarse_numbers, far_numbers, at_start)
 
     def bonds_of(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Source and target rows (k,) of the intact bonds of these nodes, which increase, in order."""
@@ -361,9 +371,9 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         fine_numbers, coarse_numbers, far_numbers = (
             np.flatnonzero(is_wanted[at]) for at in (self._fine_rows, self._coarse_rows, self._far_rows)
         )
-        return self._bonds_of_numbered_nodes(fine_numbers, coarse_numbers, far_numbers, False)
+        return self._bonds_of_nodes_by_number(fine_numbers, coarse_numbers, far_numbers, False)
 
-    def _bonds_of_numbered_nodes(
+    def _bonds_of_nodes_by_number(
         self,
         fine_numbers: NDArray[np.int64],
         coarse_numbers: NDArray[np.int64],
@@ -386,7 +396,10 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         ]
         node, k = np.nonzero(np.unpackbits(self._far_springs[far_numbers], axis=1))
         places = self._far[far_numbers][node].astype(np.int64)
-        far_ends = (self.engine.fine_places_of_far(end) for end in (places, places + lattice.far_neighbour_offsets[k]))
+        far_ends = (
+            self.engine.fine_places_of_coarsest_nodes(end)
+            for end in (places, places + lattice.coarsest_neighbour_offsets[k])
+        )
         source, target = (
             np.concatenate([self._rows_at_places(end) for end in end_places])
             for end_places in zip((fine, target), ends, far_ends, strict=True)
@@ -394,7 +407,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         order = np.lexsort((target, source))
         return source[order], target[order]
 
-    def broken(self, after: int = 0) -> Broken:
+    def broken(self, after_step: int = 0) -> Broken:
         """Bonds broken after a step between current fine nodes: step, source row and target row of each."""
         broken = self._broken  # more have broken since, if any
         breaks, latest = self.engine.break_events(), slice(self._looked, None)
@@ -409,7 +422,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
                 self._rows_at_places(target[both_fine]),
             )
             broken = self._broken = Broken(*map(np.concatenate, zip(broken, more, strict=True)))
-        return broken.after(after)
+        return broken.after(after_step)
 
 
 def _active_places(nodes: LatticeNodes, rows: int) -> NDArray[np.int64]:

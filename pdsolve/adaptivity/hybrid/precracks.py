@@ -6,10 +6,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.node_constants import value_at_node
+from pdsolve.adaptivity.hybrid.node_constants import node_constant_at_place
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.zone.cells import place_at
+from pdsolve.zone.cells import place_number_at
 
 SLACK = 1e-6  # of a spacing: pre-cracks are that much longer at both ends, as in pdmesh.model.visibility
 
@@ -75,7 +75,7 @@ def record_precrack_cuts(lattice):  # type: ignore[no-untyped-def]
         )
         for y in range(y0 // 2, y1 // 2 + 1):
             for x in range(x0 // 2, x1 // 2 + 1):
-                q, ax, ay = place_at(numbering.coarse, (x, y)), 2.0 * x, 2.0 * y
+                q, ax, ay = place_number_at(numbering.coarse, (x, y)), 2.0 * x, 2.0 * y
                 for k in range(4):
                     bx, by = ax + 2 * lattice.coarse_dx[k], ay + 2 * lattice.coarse_dy[k]
                     if not crosses_crack(lattice.precrack_segments, j, ax, ay, bx, by):
@@ -97,7 +97,7 @@ def record_precrack_cuts(lattice):  # type: ignore[no-untyped-def]
                     or (ax <= px <= ax + 2 and ay <= py <= ay + 2)
                     or (ax <= qx <= ax + 2 and ay <= qy <= ay + 2)
                 ):
-                    lattice.is_cell_cut[place_at(numbering.cells, (x, y))] = True
+                    lattice.is_cell_cut[place_number_at(numbering.cells, (x, y))] = True
 
 
 @njit(forceinline=True, **INNER)
@@ -107,7 +107,10 @@ def is_bond_intact(lattice, broken_bond_bits, p, k):  # type: ignore[no-untyped-
     if k >= half:
         p, k = p + lattice.neighbour_offsets[k], k - half
     return (
-        (value_at_node(lattice.node_constants, lattice.node_constants.initial_bond_bits, p) & ~broken_bond_bits[p])
+        (
+            node_constant_at_place(lattice.node_constants, lattice.node_constants.initial_bond_bits, p)
+            & ~broken_bond_bits[p]
+        )
         >> np.uint64(k)
     ) & np.uint64(1) != 0
 
@@ -115,24 +118,26 @@ def is_bond_intact(lattice, broken_bond_bits, p, k):  # type: ignore[no-untyped-
 @njit(forceinline=True, **INNER)
 def full_bond_stiffness(lattice, p, k):  # type: ignore[no-untyped-def]
     """Stiffness of the whole bond k of node p, including both cells' shares and the surface correction."""
-    row = value_at_node(lattice.node_constants, lattice.node_constants.irregular_bond_row, p)
+    row = node_constant_at_place(lattice.node_constants, lattice.node_constants.irregular_bond_row, p)
     if row >= 0:
         return lattice.irregular_bond_stiffness[row, k]
-    return lattice.material_bond_stiffness[value_at_node(lattice.node_constants, lattice.node_constants.material, p), k]
+    return lattice.material_bond_stiffness[
+        node_constant_at_place(lattice.node_constants, lattice.node_constants.material, p), k
+    ]
 
 
 @njit(forceinline=True, **INNER)
 def peak_and_limit_strain(lattice, p, k):  # type: ignore[no-untyped-def]
     """The e beyond which a bond softens, and the e at which it breaks."""
-    row = value_at_node(lattice.node_constants, lattice.node_constants.irregular_bond_row, p)
+    row = node_constant_at_place(lattice.node_constants, lattice.node_constants.irregular_bond_row, p)
     if row >= 0:
         kind = lattice.irregular_limit_row[row]
         return lattice.irregular_peak_strain[kind, k], lattice.irregular_limit_strain[kind, k]
-    material = value_at_node(lattice.node_constants, lattice.node_constants.material, p)
+    material = node_constant_at_place(lattice.node_constants, lattice.node_constants.material, p)
     return lattice.strain_bounds[material, 0], lattice.strain_bounds[material, 1]
 
 
 @njit(forceinline=True, **INNER)
 def is_unbreakable(lattice, p):  # type: ignore[no-untyped-def]
     """Whether the bonds of fine node p do not break."""
-    return value_at_node(lattice.node_constants, lattice.node_constants.no_fail, p)
+    return node_constant_at_place(lattice.node_constants, lattice.node_constants.no_fail, p)

@@ -18,8 +18,8 @@ from pdsolve.adaptivity.hybrid.arrays import (
 )
 from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, HybridPlate, create_hybrid_plate, initial_cell_kinds
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
-from pdsolve.adaptivity.hybrid.far_cells import coarsen_cells_away_from_features
-from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds, find_irregular_bonds
+from pdsolve.adaptivity.hybrid.far_cells import coarsen_cells_away_from_cracks_edges_and_loads
+from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds, compute_irregular_bonds
 from pdsolve.adaptivity.hybrid.irregular_rows import create_node_constants
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.precracks import lengthen_cracks, record_precrack_cuts
@@ -29,7 +29,7 @@ from pdsolve.laws.pair import no_bonds
 from pdsolve.laws.pair_laws import bilinear
 from pdsolve.model import Model
 from pdsolve.numerics.memory import aligned, give_back
-from pdsolve.zone.bond_parts import divide_bonds
+from pdsolve.zone.bond_parts import divide_bonds_at_cell_borders
 from pdsolve.zone.cells import AROUND, FINE
 from pdsolve.zone.springs import (
     Springs,
@@ -48,11 +48,11 @@ def create_hybrid_operator_and_stable_step(
 
     Raises ModelError for a model that the method does not support.
     """
-    swells, steep = model.swells, rows_of_steep_content(model)
+    swells, steep = model.swells, rows_with_content_jumps(model)
     model = model.moving_part() if swells else model
     plate = create_hybrid_plate(model)
     springs = create_springs_of_materials(model.materials, model.settings.horizon.ratio, plate.spacing)
-    irregular_bonds = find_irregular_bonds(plate, springs)
+    irregular_bonds = compute_irregular_bonds(plate, springs)
     give_back()
     bound = float(np.sqrt(2 / max(_stiffness_over_density(plate, springs, irregular_bonds))))
     kind = np.dtype(precision).type
@@ -71,7 +71,7 @@ def create_hybrid_operator_and_stable_step(
     loads.entries["value"] *= area[plate_drive.loads.node]
     loads = loads._replace(entries=loads.entries[loads.entries["value"] != 0])
     if not swells and kind is np.float64:
-        cells = coarsen_cells_away_from_features(
+        cells = coarsen_cells_away_from_cracks_edges_and_loads(
             plate, lattice, cells, np.concatenate([loads.entries["fine_place"], holds.entries["fine_place"]])
         )
     zone = create_plate_zone(
@@ -91,7 +91,7 @@ def create_hybrid_operator_and_stable_step(
     return HybridOperator(hybrid, cut), bound
 
 
-def rows_of_steep_content(model: Model) -> NDArray[np.int64]:
+def rows_with_content_jumps(model: Model) -> NDArray[np.int64]:
     """Rows of the nodes at which a content that swells a plate may leap within a spacing: it is held, exchanged or
     supplied through an edge there. A coarse cell would know no more than its mean."""
     condition_rows = [np.zeros(0, dtype=np.int64)]
@@ -125,7 +125,7 @@ def create_lattice_constants(
             for material_springs in springs
         ]
     )
-    cell, mix = _coarse_cell_constants(plate, springs)
+    cell, mix = _coarse_cell_stiffnesses_and_masses(plate, springs)
     bind(bilinear.LAW)
     return LatticeConstants(
         empty_law_columns=no_bonds(bilinear.LAW),  # a brittle bond is one whose peak is its limit
@@ -139,9 +139,9 @@ def create_lattice_constants(
         coarse_dy=coarse.family_dy,
         coarse_spring_table=aligned(coarse.spring_table.astype(kind)),
         coarse_neighbour_offsets=coarse.family_dy * numbering.coarse.strides[1] + coarse.family_dx,
-        far_spring_table=aligned(coarse_springs(first, 2 * h).spring_table.astype(kind)),
-        far_neighbour_offsets=coarse.family_dy * numbering.far.strides[1] + coarse.family_dx,
-        bond_parts=divide_bonds(np.column_stack([first.family_dx, first.family_dy])),
+        coarsest_spring_table=aligned(coarse_springs(first, 2 * h).spring_table.astype(kind)),
+        coarsest_neighbour_offsets=coarse.family_dy * numbering.far.strides[1] + coarse.family_dx,
+        bond_parts=divide_bonds_at_cell_borders(np.column_stack([first.family_dx, first.family_dy])),
         family_reach=int(np.abs(first.family_dx).max()),
         softens_or_limits_vary=len(springs) > 1 or first.peak_stretch < first.limit_stretch,
         dt=dt,
@@ -162,7 +162,7 @@ def create_lattice_constants(
     )
 
 
-def _coarse_cell_constants(
+def _coarse_cell_stiffnesses_and_masses(
     plate: HybridPlate, springs: tuple[Springs, ...]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """k1, k2 and a quarter of the mass (3, m) of coarse cells, and which of these each cell (c,) has.

@@ -15,26 +15,26 @@ from typing import Any
 from numba import njit, types
 from numba.extending import overload
 
-from pdsolve.adaptivity.hybrid.energy import piece_energy, store_spring_energies
+from pdsolve.adaptivity.hybrid.energy import bond_piece_energy, store_half_spring_energies_of_row
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes
-from pdsolve.adaptivity.hybrid.node_constants import value_at_node
+from pdsolve.adaptivity.hybrid.node_constants import node_constant_at_place
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.zone.cells import FREE, place_at, place_on_finer_lattice
+from pdsolve.zone.cells import FREE, place_number_at, place_on_finer_lattice
 
 
-def set_piece_swelling_offsets(lattice: Any, zone: Any) -> None:
+def set_swelling_offsets_of_bond_pieces(lattice: Any, zone: Any) -> None:
     """Set what the strains of nodes add to the displacements between the ends of pieces, where nodes swell."""
 
 
-@overload(set_piece_swelling_offsets, jit_options=INNER)
-def _overload_set_piece_swelling_offsets(lattice, zone):  # type: ignore[no-untyped-def]
+@overload(set_swelling_offsets_of_bond_pieces, jit_options=INNER)
+def _overload_set_swelling_offsets_of_bond_pieces(lattice, zone):  # type: ignore[no-untyped-def]
     fine = zone.types[zone.fields.index("fine")]
     if isinstance(fine.types[fine.fields.index("negative_half_swelling")], types.NoneType):
         return lambda lattice, zone: None
 
-    def offset_pieces(lattice, zone):  # type: ignore[no-untyped-def]
+    def set_offsets_of_bond_pieces(lattice, zone):  # type: ignore[no-untyped-def]
         fine, coarse, pieces = zone.fine.negative_half_swelling, zone.coarse.negative_half_swelling, zone.clipped_pieces
         for n in range(zone.counts.clipped_pieces):
             spring, first, second = pieces.springs[n], pieces.ends[n, 0], pieces.ends[n, 1]
@@ -48,7 +48,7 @@ def _overload_set_piece_swelling_offsets(lattice, zone):  # type: ignore[no-unty
             spring.swelling_x = both * spring.xi_x + x1 - x0
             spring.swelling_y = both * spring.xi_y + y1 - y0
 
-    return offset_pieces
+    return set_offsets_of_bond_pieces
 
 
 def swelling_offset_from_chord(
@@ -61,7 +61,7 @@ def swelling_offset_from_chord(
 
 
 @overload(swelling_offset_from_chord, jit_options=INNER)
-def _overload_swelling_offset_from_line(lattice, negative_half_swelling, first_node, second_node, w):  # type: ignore[no-untyped-def]
+def _overload_swelling_offset_from_chord(lattice, negative_half_swelling, first_node, second_node, w):  # type: ignore[no-untyped-def]
     if isinstance(negative_half_swelling, types.NoneType):
         return lambda lattice, negative_half_swelling, first_node, second_node, w: (0.0, 0.0)
 
@@ -74,22 +74,22 @@ def _overload_swelling_offset_from_line(lattice, negative_half_swelling, first_n
         p = place_on_finer_lattice(numbering.coarse, numbering.fine, 2, q)
         scale = -4 * lattice.spacing * w * (w - 1)
         on = scale * (negative_half_swelling[p + 2 * along] - negative_half_swelling[p]) / 2
-        aside = -scale * _limited_difference(negative_half_swelling, lattice.node_constants, p + along, across)
+        aside = -scale * _minmod_difference(negative_half_swelling, lattice.node_constants, p + along, across)
         return (on, aside) if level else (aside, on)
 
     return offset_from_chord
 
 
 @njit(**INNER)
-def _limited_difference(values, node_constants, p, step):  # type: ignore[no-untyped-def]
+def _minmod_difference(values, node_constants, p, step):  # type: ignore[no-untyped-def]
     """Difference of values from a place to the next: the smaller of both sides, 0 if they differ in sign.
 
     So it is that of linear values, and no leap at a crack is one.
     """
     up, down = values[p + step] - values[p], values[p] - values[p - step]
     has_next, has_previous = (
-        value_at_node(node_constants, node_constants.mass, p + step) > 0,
-        value_at_node(node_constants, node_constants.mass, p - step) > 0,
+        node_constant_at_place(node_constants, node_constants.mass, p + step) > 0,
+        node_constant_at_place(node_constants, node_constants.mass, p - step) > 0,
     )
     if not (has_next and has_previous):
         return (up if has_next else 0.0) + (down if has_previous else 0.0)
@@ -107,16 +107,18 @@ def _negative_half_swelling_at_end(fine, coarse, end):  # type: ignore[no-untype
 
 
 @cached_njit(error_model="numpy")
-def set_all_swelling_offsets(lattice, zone, u_buffer):  # type: ignore[no-untyped-def]
-    """See `set_piece_swelling_offsets`; border nodes too."""
-    set_piece_swelling_offsets(lattice, zone)
+def set_all_swelling_offsets(lattice, zone, displacement_buffer_index):  # type: ignore[no-untyped-def]
+    """See `set_swelling_offsets_of_bond_pieces`; border nodes too."""
+    set_swelling_offsets_of_bond_pieces(lattice, zone)
     border, count = zone.border_nodes, zone.counts.border_nodes
     for n in range(count):
         node, negative_half_swelling = border[n], zone.fine.negative_half_swelling
         node.swelling_x, node.swelling_y = swelling_offset_from_chord(
-            lattice, negative_half_swelling, node.first_carrier, node.second_carrier, node.second_weight
+            lattice, negative_half_swelling, node.first_coarser_node, node.second_coarser_node, node.second_weight
         )
-    interpolate_border_nodes(zone.fine.u[u_buffer], zone.coarse.u[u_buffer], border, count)
+    interpolate_border_nodes(
+        zone.fine.u[displacement_buffer_index], zone.coarse.u[displacement_buffer_index], border, count
+    )
 
 
 @cached_njit(error_model="numpy")
@@ -129,42 +131,52 @@ def average_fine_values_to_coarse(lattice, fine_values, coarse_values):  # type:
     numbering, nodes = lattice.numbering, lattice.node_constants
     for y in range(numbering.cells.counts[1] + 1):
         for x in range(numbering.cells.counts[0] + 1):
-            p = place_at(numbering.fine, (2 * x, 2 * y))
+            p = place_number_at(numbering.fine, (2 * x, 2 * y))
             mean = _weighted_mean_along_line(fine_values, nodes, p, 1)
             if (
-                value_at_node(nodes, nodes.mass, p + numbering.fine.strides[1]) > 0
-                and value_at_node(nodes, nodes.mass, p - numbering.fine.strides[1]) > 0
+                node_constant_at_place(nodes, nodes.mass, p + numbering.fine.strides[1]) > 0
+                and node_constant_at_place(nodes, nodes.mass, p - numbering.fine.strides[1]) > 0
             ):
                 mean = mean / 2 + _weighted_mean_along_line(fine_values, nodes, p + numbering.fine.strides[1], 1) / 4
                 mean += _weighted_mean_along_line(fine_values, nodes, p - numbering.fine.strides[1], 1) / 4
-            coarse_values[place_at(numbering.coarse, (x, y))] = mean
+            coarse_values[place_number_at(numbering.coarse, (x, y))] = mean
 
 
 @njit(**INNER)
 def _weighted_mean_along_line(values, node_constants, p, step):  # type: ignore[no-untyped-def]
     """Mean of a value and the next ones on a line, if there are both."""
     if (
-        value_at_node(node_constants, node_constants.mass, p + step) == 0
-        or value_at_node(node_constants, node_constants.mass, p - step) == 0
+        node_constant_at_place(node_constants, node_constants.mass, p + step) == 0
+        or node_constant_at_place(node_constants, node_constants.mass, p - step) == 0
     ):
         return values[p]
     return values[p] / 2 + (values[p - step] + values[p + step]) / 4
 
 
 @cached_njit(error_model="numpy")
-def total_strain_energy(lattice, zone, u_buffer):  # type: ignore[no-untyped-def]
+def total_strain_energy(lattice, zone, displacement_buffer_index):  # type: ignore[no-untyped-def]
     """Strain energy of all springs and pieces, J/m."""
     fine, coarse, energy, s = zone.fine, zone.coarse, 0.0, zone.lane_sums[0]
     for row in fine.active_rows[: zone.counts.active_fine_rows]:
-        store_spring_energies(fine, lattice.spring_table, lattice.neighbour_offsets, False, row, fine.u[u_buffer], s)
+        store_half_spring_energies_of_row(
+            fine, lattice.spring_table, lattice.neighbour_offsets, False, row, fine.u[displacement_buffer_index], s
+        )
         for lane in range(ROW):
             energy += s[lane]
     for row in coarse.active_rows[: zone.counts.active_coarse_rows]:
-        store_spring_energies(
-            coarse, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets, True, row, coarse.u[u_buffer], s
+        store_half_spring_energies_of_row(
+            coarse,
+            lattice.coarse_spring_table,
+            lattice.coarse_neighbour_offsets,
+            True,
+            row,
+            coarse.u[displacement_buffer_index],
+            s,
         )
         for lane in range(ROW):
             energy += s[lane] if coarse.node_kinds[row * ROW + lane] == FREE else 0.0
     for n in range(zone.counts.clipped_pieces):
-        energy += piece_energy(zone.clipped_pieces, fine.u[u_buffer], coarse.u[u_buffer], n)
+        energy += bond_piece_energy(
+            zone.clipped_pieces, fine.u[displacement_buffer_index], coarse.u[displacement_buffer_index], n
+        )
     return energy

@@ -18,24 +18,24 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.tangent import of_green_springs, of_springs
 
 
-class PointWeights(NamedTuple):
+class PointInterpolationWeights(NamedTuple):
     """Weights by which p points move with n nodes."""
 
     node_weights: csr_array  # (n, n): of the nodes that are tied to others, by those
     point_weights: csr_array  # (p, n)
     point_at_fine_place: NDArray[np.int64]  # (places,) point of a fine place, -1 without one
     point_at_coarse_place: NDArray[np.int64]  # (coarse places,)
-    point_at_far_place: NDArray[np.int64]  # (far places,)
+    point_at_coarsest_place: NDArray[np.int64]  # (far places,)
     piece_end_points: NDArray[np.int64]  # (2, pieces)
 
 
-def create_point_weights(
+def create_point_interpolation_weights(
     hybrid: HybridEngine,
     row_at_place: NDArray[np.int32],
     fine: NDArray[np.int64],
     coarse: NDArray[np.int64],
     far: NDArray[np.int64],
-) -> PointWeights:
+) -> PointInterpolationWeights:
     """The points of the current nodes.
 
     `row_at_place` (places,) is the row of each fine place; `fine`, `coarse` and `far` are the places of nodes on the
@@ -45,7 +45,7 @@ def create_point_weights(
     row_of_coarse, row_of_far = (
         np.full(places, -1, dtype=np.int64) for places in (numbering.coarse.place_count, numbering.far.place_count)
     )
-    on, far_on = hybrid.fine_places_of_coarse(coarse), hybrid.fine_places_of_far(far)
+    on, far_on = hybrid.fine_places_of_coarse(coarse), hybrid.fine_places_of_coarsest_nodes(far)
     row_of_coarse[coarse], row_of_far[far] = row_at_place[on], row_at_place[far_on]
     independent, of_node = np.ones(nodes), csr_array((nodes, nodes))
     for border, entry_count, rows, ends in (
@@ -54,8 +54,8 @@ def create_point_weights(
     ):
         entries = border[:entry_count]
         tied = rows[entries["border_node"]].astype(np.int64)
-        carriers = ends[np.column_stack([entries["first_carrier"], entries["second_carrier"]])]
-        of_node = of_node + _interpolation_weights(tied, carriers, entries["second_weight"], nodes)
+        interpolation_nodes = ends[np.column_stack([entries["first_coarser_node"], entries["second_coarser_node"]])]
+        of_node = of_node + _two_point_interpolation_matrix(tied, interpolation_nodes, entries["second_weight"], nodes)
         independent[tied] = 0.0
     of_node = (of_node + diags_array(independent)).tocsr()
 
@@ -75,12 +75,14 @@ def create_point_weights(
         rows = row_of_coarse[ends]
         rows[on_fine] = row_at_place[a[on_fine], None]
         w = np.where(on_fine, 0.0, piece_ends["second_weight"])
-        point_blocks.append(_interpolation_weights(np.arange(entry_count), rows, w, nodes, entry_count))
+        point_blocks.append(_two_point_interpolation_matrix(np.arange(entry_count), rows, w, nodes, entry_count))
     of_end = len(node_rows) + np.arange(2 * entry_count).reshape(2, entry_count)
-    return PointWeights(of_node, (vstack(point_blocks) @ of_node).tocsr(), of_fine, of_coarse, of_far, of_end)
+    return PointInterpolationWeights(
+        of_node, (vstack(point_blocks) @ of_node).tocsr(), of_fine, of_coarse, of_far, of_end
+    )
 
 
-def _interpolation_weights(
+def _two_point_interpolation_matrix(
     rows: NDArray[np.int64], ends: NDArray[np.int64], w: NDArray[np.float64], nodes: int, count: int | None = None
 ) -> csr_array:
     """Weights (`count` or `nodes`, `nodes`) of `rows` between two `ends` (k, 2), at the share `w` from the first."""
@@ -91,7 +93,7 @@ def _interpolation_weights(
 
 def assemble_tangent(
     hybrid: HybridEngine,
-    points: PointWeights,
+    points: PointInterpolationWeights,
     value: NDArray[np.float64],
     rho: NDArray[np.float64],
     inverse_mass: NDArray[np.float64],
@@ -106,7 +108,7 @@ def assemble_tangent(
     return (density @ tied @ lightness @ _force_tangent(hybrid, points, value)).tocsr()
 
 
-def _force_tangent(hybrid: HybridEngine, points: PointWeights, value: NDArray[np.float64]) -> csr_array:
+def _force_tangent(hybrid: HybridEngine, points: PointInterpolationWeights, value: NDArray[np.float64]) -> csr_array:
     """Minus the derivative (2 n, 2 n), N/m^2, of the forces (n, 2), N/m, on independent nodes."""
     zone, lattice = hybrid.zone, hybrid.lattice
     u = points.point_weights @ value
@@ -121,7 +123,7 @@ def _force_tangent(hybrid: HybridEngine, points: PointWeights, value: NDArray[np
 
     for nodes, number, table, ways in (
         (zone.coarse, points.point_at_coarse_place, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets),
-        (zone.far, points.point_at_far_place, lattice.far_spring_table, lattice.far_neighbour_offsets),
+        (zone.far, points.point_at_coarsest_place, lattice.coarsest_spring_table, lattice.coarsest_neighbour_offsets),
     ):
         places = np.flatnonzero(number >= 0)
         node, k, stiffness = _list_springs(nodes, places, table)

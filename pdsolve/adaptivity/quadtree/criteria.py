@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.material_constants import C11, critical_stretch
 from pdmesh.model.neighbours import ROUND_OFF
-from pdsolve.adaptivity.quadtree.tree import Cells, Tree
+from pdsolve.adaptivity.quadtree.tree import Quadtree, QuadtreeCells
 from pdsolve.bonds.assembly import Bonds
 
 FAR = 2.0  # horizons of their parent from flagged nodes: where leaves may merge
@@ -26,13 +26,13 @@ FAR = 2.0  # horizons of their parent from flagged nodes: where leaves may merge
 class LeafStates(NamedTuple):
     """State of n leaves at a check."""
 
-    cells: Cells
+    cells: QuadtreeCells
     position: NDArray[np.float64]  # (n, 2) m
     criterion_value: NDArray[np.float64]  # (n,) over what everything is measured by; flagged above the threshold
     has_broken_bond: NDArray[np.bool_]  # (n,) whether a bond has broken
 
 
-def critical_energy_densities(tree: Tree) -> NDArray[np.float64]:
+def critical_energy_densities(tree: Quadtree) -> NDArray[np.float64]:
     """Energy density (roots,), J/m^3, of uniform extension to the critical stretch of a root's horizon.
 
     That of a finer cell is higher in proportion to the square of its critical stretch.
@@ -44,8 +44,8 @@ def critical_energy_densities(tree: Tree) -> NDArray[np.float64]:
     return critical_energy
 
 
-def relative_energy_densities(
-    tree: Tree, cells: Cells, energy: NDArray[np.float64], critical_energy: NDArray[np.float64]
+def energy_densities_over_largest(
+    tree: Quadtree, cells: QuadtreeCells, energy: NDArray[np.float64], critical_energy: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Energy densities `energy` (n,), J/m^3, over the largest of nodes without conditions; 0 below the floor.
 
@@ -59,7 +59,7 @@ def relative_energy_densities(
 
 
 def largest_relative_stretches(
-    tree: Tree, cells: Cells, bonds: Bonds, broken: NDArray[np.int32], u: NDArray[np.float64]
+    tree: Quadtree, cells: QuadtreeCells, bonds: Bonds, broken: NDArray[np.int32], u: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Stretch (n,) of each node's most stretched intact bond over the critical one; `u` (n, 2) are displacements, m.
 
@@ -73,13 +73,13 @@ def largest_relative_stretches(
     return np.where(tree.pinned[cells.root_row], 0.0, largest)
 
 
-def mask_leaves_to_split(tree: Tree, leaf_states: LeafStates, threshold: float) -> NDArray[np.bool_]:
+def mask_leaves_to_split(tree: Quadtree, leaf_states: LeafStates, threshold: float) -> NDArray[np.bool_]:
     """Mask (n,) of the leaves that split: wanted ones and the coarser ones they touch, without those whose coarser
     neighbour cannot be split."""
     flagged = leaf_states.criterion_value > threshold
     level, can = leaf_states.cells.level, tree.mask_splittable(leaf_states.cells)
     to_split = can.copy()
-    to_split[can] = _mask_near(leaf_states.position[can], leaf_states, flagged, tree.horizons)
+    to_split[can] = _mask_positions_near_leaves(leaf_states.position[can], leaf_states, flagged, tree.horizons)
     for at in range(tree.levels - 1, 0, -1):
         coarser = np.flatnonzero(can & (level < at))
         to_split[coarser] |= _mask_touching_leaves(
@@ -93,7 +93,7 @@ def mask_leaves_to_split(tree: Tree, leaf_states: LeafStates, threshold: float) 
     return to_split
 
 
-def _mask_near(
+def _mask_positions_near_leaves(
     positions: NDArray[np.float64],
     leaf_states: LeafStates,
     selected: NDArray[np.bool_],
@@ -112,21 +112,21 @@ def _mask_near(
 
 
 def _mask_touching_leaves(
-    tree: Tree, cells: Cells, leaf_states: LeafStates, other_leaves: NDArray[np.bool_]
+    tree: Quadtree, cells: QuadtreeCells, leaf_states: LeafStates, other_leaves: NDArray[np.bool_]
 ) -> NDArray[np.bool_]:
     """Mask of cells (k,) that touch one of the leaves `other_leaves` (n,), also at a corner."""
     half_sides = (tree.sides[cells.level] + tree.sides[:, None]) / 2
-    return _mask_near(tree.centres(cells), leaf_states, other_leaves, half_sides, np.inf)
+    return _mask_positions_near_leaves(tree.centres(cells), leaf_states, other_leaves, half_sides, np.inf)
 
 
-def list_cells_to_merge(
-    tree: Tree,
+def list_parents_to_merge(
+    tree: Quadtree,
     leaf_states: LeafStates,
     is_below_threshold: NDArray[np.bool_],
     is_splitting: NDArray[np.bool_],
     threshold: float,
-) -> Cells:
-    """Cells whose four quarters are leaves, `is_below_threshold` (n,), and merge."""
+) -> QuadtreeCells:
+    """QuadtreeCells whose four quarters are leaves, `is_below_threshold` (n,), and merge."""
     cells = leaf_states.cells
     may_merge = is_below_threshold & (cells.level > 0) & ~is_splitting
     parents = cells.select(may_merge).parents()
@@ -140,9 +140,11 @@ def list_cells_to_merge(
     for at in np.unique(parents.level):
         at_level = parents.level == at
         reach, same = tree.horizons[at], np.ones_like(tree.sides)
-        keep[at_level] &= ~_mask_near(place[at_level], leaf_states, flagged, FAR * reach * same)
+        keep[at_level] &= ~_mask_positions_near_leaves(place[at_level], leaf_states, flagged, FAR * reach * same)
         past = reach + tree.sides[at]
-        keep[at_level] &= ~_mask_near(place[at_level], leaf_states, leaf_states.has_broken_bond, past * same)
+        keep[at_level] &= ~_mask_positions_near_leaves(
+            place[at_level], leaf_states, leaf_states.has_broken_bond, past * same
+        )
         finer = leaf_states.cells.level + is_splitting > at + 1
         keep[at_level] &= ~_mask_touching_leaves(tree, parents.select(at_level), leaf_states, finer)
     return parents.select(keep)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.quadtree.tree import Cells, Tree, join_cells
+from pdsolve.adaptivity.quadtree.tree import Quadtree, QuadtreeCells, concatenate_cell_sets
 
 Rows = NDArray[np.int64]
 SAME = 1e-9  # of a spacing: a centre of mass this near to the middle is there
@@ -29,14 +29,14 @@ class LeafOrigins(NamedTuple):
         return ~self.is_quarter & ~self.is_merged
 
 
-def map_leaves(
-    tree: Tree, cells: Cells, is_splitting: NDArray[np.bool_], merged_parents: Cells
-) -> tuple[Cells, LeafOrigins]:
+def leaves_after_split_and_merge(
+    tree: Quadtree, cells: QuadtreeCells, is_splitting: NDArray[np.bool_], merged_parents: QuadtreeCells
+) -> tuple[QuadtreeCells, LeafOrigins]:
     """The leaves after those `is_splitting` (n,) split and the quarters of `merged_parents` merge; their origin."""
     ids = tree.node_ids(cells)
     by_id = np.argsort(ids)
 
-    def rows(leaves: Cells) -> Rows:
+    def rows(leaves: QuadtreeCells) -> Rows:
         return np.asarray(by_id[np.searchsorted(ids, tree.node_ids(leaves), sorter=by_id).clip(max=len(ids) - 1)])
 
     share = tree.areas(merged_parents.quarters()).reshape(-1, 4)
@@ -46,7 +46,7 @@ def map_leaves(
     stays[from_quarters[share > 0]] = False
     quarters = tree.select_cells_with_area(cells.select(is_splitting).quarters())
     alone = np.concatenate([np.flatnonzero(stays), rows(quarters.parents())])
-    new = join_cells(cells.select(stays), quarters, merged_parents)
+    new = concatenate_cell_sets(cells.select(stays), quarters, merged_parents)
     before = np.concatenate([np.repeat(alone[:, None], 4, axis=1), from_quarters])
     parts = np.concatenate([np.tile([1.0, 0.0, 0.0, 0.0], (len(alone), 1)), share])
     counts = [len(cell_group.root_row) for cell_group in (cells.select(stays), quarters, merged_parents)]
@@ -64,7 +64,7 @@ def map_leaves(
 
 
 def _vectors_from_centre_of_mass(
-    tree: Tree, new: Cells, parent_rows: Rows, split: NDArray[np.bool_], away: NDArray[np.float64]
+    tree: Quadtree, new: QuadtreeCells, parent_rows: Rows, split: NDArray[np.bool_], away: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Vectors (m, 2), m, from the centre of mass of four quarters to each; `parent_rows` (m,) is their parent's."""
     vectors, area = np.zeros_like(away), tree.areas(new.select(split))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.coarse_cells import create_unsupported_error
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.quadtree.incremental_bonds import LeafBonds
-from pdsolve.adaptivity.quadtree.tree import Cells, Tree
+from pdsolve.adaptivity.quadtree.tree import Quadtree, QuadtreeCells
 from pdsolve.checkpoint_validation import entry
 from pdsolve.laws import law_of
 from pdsolve.model import Model
@@ -36,7 +36,7 @@ class QuadtreeOperator(BondList):
     """The operator of some leaves of a tree."""
 
     def __init__(
-        self, tree: Tree, cells: Cells, model: Model, leaf_bonds: LeafBonds, scheme: Scheme, threads: int
+        self, tree: Quadtree, cells: QuadtreeCells, model: Model, leaf_bonds: LeafBonds, scheme: Scheme, threads: int
     ) -> None:
         """`model` is the model of the leaves, `leaf_bonds` are its bonds."""
         law = law_of(model, scheme.matches_work)
@@ -67,7 +67,7 @@ def read_leaf_history(checkpoint: CheckpointArrays, leaf_count: int) -> LeafHist
     )
 
 
-def create_tree(model: Model, kernel: str | None) -> Tree:
+def create_quadtree(model: Model, kernel: str | None) -> Quadtree:
     """The cells of a model. Raises ModelError, in one sentence, for an unsupported model."""
     grid = model.grid
     if kernel not in (None, "listed"):
@@ -76,8 +76,8 @@ def create_tree(model: Model, kernel: str | None) -> Tree:
         raise create_unsupported_error(
             model, "$.nodes", "several spacings", "one, the coarsest, as pdmesh build --adapt split makes it"
         )
-    tree = Tree(replace_boxes_by_node_ids(model))
-    _check_precracks(tree)
+    tree = Quadtree(replace_boxes_by_node_ids(model))
+    _raise_if_precrack_meets_splittable_node(tree)
     return tree
 
 
@@ -97,7 +97,7 @@ def replace_boxes_by_node_ids(model: Model) -> Model:
     return Model(model.grid, settings, model.name)
 
 
-def _check_precracks(tree: Tree) -> None:
+def _raise_if_precrack_meets_splittable_node(tree: Quadtree) -> None:
     """Raise ModelError if a pre-crack passes through a node that splitting could create."""
     cracks = tree.model.grid.cracks.reshape(-1, 2, 2)
     if not len(cracks):

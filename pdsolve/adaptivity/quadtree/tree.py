@@ -25,33 +25,33 @@ WHOLE = 1e-9  # of a cell: areas this near to its square's are that
 TOGETHER = 1e-6  # of a plate: the areas of all its leaves are this near to its own
 
 
-class Cells(NamedTuple):
+class QuadtreeCells(NamedTuple):
     """n cells of the tree."""
 
     root_row: NDArray[np.int64]  # (n,) row of the model's grid
     level: NDArray[np.int64]  # (n,) how often it was split
     path: NDArray[np.int64]  # (n,) from the root: two bits for each level, that of the first level is the highest
 
-    def select(self, rows: NDArray[np.integer] | NDArray[np.bool_]) -> Cells:
+    def select(self, rows: NDArray[np.integer] | NDArray[np.bool_]) -> QuadtreeCells:
         """The cells of these rows."""
-        return Cells(*(column[rows] for column in self))
+        return QuadtreeCells(*(column[rows] for column in self))
 
-    def parents(self) -> Cells:
+    def parents(self) -> QuadtreeCells:
         """The parent of each cell."""
-        return Cells(self.root_row, self.level - 1, self.path >> 2)
+        return QuadtreeCells(self.root_row, self.level - 1, self.path >> 2)
 
-    def quarters(self) -> Cells:
+    def quarters(self) -> QuadtreeCells:
         """The four quarters (4 n,) of each cell, consecutively."""
         root, level, path = (np.repeat(column, 4) for column in self)
-        return Cells(root, level + 1, 4 * path + np.tile(np.arange(4), len(self.root_row)))
+        return QuadtreeCells(root, level + 1, 4 * path + np.tile(np.arange(4), len(self.root_row)))
 
 
-def join_cells(*cell_sets: Cells) -> Cells:
+def concatenate_cell_sets(*cell_sets: QuadtreeCells) -> QuadtreeCells:
     """Several sets of cells as one."""
-    return Cells(*(np.concatenate(column) for column in zip(*cell_sets, strict=True)))
+    return QuadtreeCells(*(np.concatenate(column) for column in zip(*cell_sets, strict=True)))
 
 
-class Tree:
+class Quadtree:
     """All cells into which the nodes of a model can split."""
 
     def __init__(self, model: Model) -> None:
@@ -65,34 +65,34 @@ class Tree:
         self.pinned = mask_nodes_with_conditions(model)  # which stay whole
         self._by_id = np.argsort(grid.ids)
         self._first = int(grid.ids.max()) + 1
-        self._shares = self._area_shares_at_edges()
+        self._shares = self._area_shares_of_cut_roots()
 
-    def roots(self) -> Cells:
+    def roots(self) -> QuadtreeCells:
         """The cells of the model's own nodes."""
         nothing = np.zeros(self.count, dtype=np.int64)
-        return Cells(np.arange(self.count), nothing, nothing)
+        return QuadtreeCells(np.arange(self.count), nothing, nothing)
 
-    def sort_order(self, cells: Cells) -> NDArray[np.int64]:
+    def sort_order(self, cells: QuadtreeCells) -> NDArray[np.int64]:
         """The order that sorts leaves."""
         return np.lexsort((cells.path << (2 * (self.levels - cells.level)), cells.root_row))
 
-    def node_ids(self, cells: Cells) -> NDArray[np.int64]:
+    def node_ids(self, cells: QuadtreeCells) -> NDArray[np.int64]:
         """The ids (n,) of the nodes of these cells."""
         path_number = cells.root_row * 4**cells.level + cells.path
         return np.where(
             cells.level > 0, self._first_id_of_level[cells.level] + path_number, self.model.grid.ids[cells.root_row]
         )
 
-    def cells_of_ids(self, ids: NDArray[np.int64]) -> Cells:
-        """Cells of the nodes with these ids (n,)."""
+    def cells_of_ids(self, ids: NDArray[np.int64]) -> QuadtreeCells:
+        """QuadtreeCells of the nodes with these ids (n,)."""
         level = np.searchsorted(self._first_id_of_level, ids, side="right") - 1
         level = np.where(ids < self._first, 0, level)
         number = ids - self._first_id_of_level[level]
         at = np.searchsorted(self.model.grid.ids, ids, sorter=self._by_id).clip(max=self.count - 1)
         root = np.where(level == 0, self._by_id[at], number // 4**level)
-        return Cells(root, level, np.where(level == 0, 0, number % 4**level))
+        return QuadtreeCells(root, level, np.where(level == 0, 0, number % 4**level))
 
-    def leaves_of_ids(self, ids: NDArray[np.int64]) -> Cells | None:
+    def leaves_with_node_ids_or_none(self, ids: NDArray[np.int64]) -> QuadtreeCells | None:
         """Leaves of the nodes with these ids (n,), in this order; None if they are not all leaves of a plate."""
         if not len(ids) or ids.min() < self.model.grid.ids.min() or ids.max() >= self._end_id:
             return None
@@ -117,7 +117,7 @@ class Tree:
         sizes = self.count * 4 ** np.arange(1, self.levels + 1)
         return np.concatenate([[self._first], self._first + np.concatenate([[0], np.cumsum(sizes)[:-1]])])
 
-    def centre_offsets(self, cells: Cells) -> NDArray[np.float64]:
+    def centre_offsets(self, cells: QuadtreeCells) -> NDArray[np.float64]:
         """Vectors (n, 2) from the centre of each cell's root to that of the cell, in spacings."""
         vectors = np.zeros((len(cells.root_row), 2))
         for level in range(1, self.levels + 1):
@@ -127,11 +127,11 @@ class Tree:
                 vectors[:, axis] += np.where(level <= cells.level, step, 0.0)
         return vectors
 
-    def centres(self, cells: Cells) -> NDArray[np.float64]:
+    def centres(self, cells: QuadtreeCells) -> NDArray[np.float64]:
         """Centres (n, 2) of cells, m."""
         return np.asarray(self.model.grid.position[cells.root_row] + self.spacing * self.centre_offsets(cells))
 
-    def areas(self, cells: Cells) -> NDArray[np.float64]:
+    def areas(self, cells: QuadtreeCells) -> NDArray[np.float64]:
         """Area (n,) of each cell inside the plate, m^2; 0 for a cell that is no node, as its centre is outside."""
         area = self.area[cells.root_row] / 4.0**cells.level
         for level, (number, share) in self._shares.items():
@@ -139,7 +139,7 @@ class Tree:
             area[odd] = self.area[cells.root_row[odd]] * share[number[cells.root_row[odd]], cells.path[odd]]
         return area
 
-    def _area_shares_at_edges(self) -> dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]]:
+    def _area_shares_of_cut_roots(self) -> dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]]:
         """For each level, the roots cut by an edge: their index (roots,), -1 for others, and area shares (odd,
         4^level)."""
         grid = self.model.grid
@@ -166,18 +166,18 @@ class Tree:
             shares[level] = number, before.reshape(len(odd), -1)
         return shares
 
-    def select_cells_with_area(self, cells: Cells) -> Cells:
+    def select_cells_with_area(self, cells: QuadtreeCells) -> QuadtreeCells:
         """The cells with a share of the plate."""
         return cells.select(self.areas(cells) > 0)
 
-    def mask_splittable(self, cells: Cells) -> NDArray[np.bool_]:
+    def mask_splittable(self, cells: QuadtreeCells) -> NDArray[np.bool_]:
         """Mask (n,) of cells that can be split."""
         can = (cells.level < self.levels) & ~self.pinned[cells.root_row]
         candidates = np.flatnonzero(can)
         can[candidates] = self.areas(cells.select(candidates).quarters()).reshape(-1, 4).any(axis=1)
         return can
 
-    def model_of_leaves(self, cells: Cells) -> Model:
+    def model_of_leaves(self, cells: QuadtreeCells) -> Model:
         """The model whose nodes are these leaves, in order."""
         settings, ids = self.model.settings, self.node_ids(cells)
         regions = []

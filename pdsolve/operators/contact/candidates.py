@@ -26,7 +26,7 @@ class Joined:
         """`use_drawn_faces`: whether round and inclined bodies touch by their drawn surfaces."""
         self._operator, self._nodes, self._gone = operator, len(model.grid), 0
         self.until, self.wait = 0, EVERY  # step before which broken bonds are known; steps until they are asked for
-        ends = [operator.bonds(int(rows[0]), int(rows[-1]) + 1, start=True) for rows in row_chunks(self._nodes)]
+        ends = [operator.bonds(int(rows[0]), int(rows[-1]) + 1, at_start=True) for rows in row_chunks(self._nodes)]
         source, target = (np.concatenate(column) for column in zip(*ends, strict=True))
         x, delta, self._bodies = model.grid.position, model.grid.delta, model.grid.bodies
         if self._bodies is not None and self._bodies.rigid:

@@ -24,7 +24,7 @@ from pdsolve.results.checksums import crc_joined
 from pdsolve.results.removal import INDEX_OF
 from pdsolve.results.schema import Births, Column
 from pdsolve.run.measures import compute_output_fields
-from pdsolve.run.on_ranks.mechanics_records import compute_rank_bond_state_once
+from pdsolve.run.on_ranks.mechanics_records import compute_energies_and_breaks_of_rank_once
 from pdsolve.run.on_ranks.rank_file import RankDatabase
 from pdsolve.run.on_ranks.start import RankSystem
 from pdsolve.run.recorder import nodes_for_results as nodes_of
@@ -72,7 +72,7 @@ def send_frame_to_rank_0(
             subdomain.system,
             subdomain.state,
             field_names,
-            compute_rank_bond_state_once(team, step) if subdomain.bond_state_step == step else None,
+            compute_energies_and_breaks_of_rank_once(team, step) if subdomain.bond_state_step == step else None,
         )
         local_fields = {name: values[part.own].astype("<f4") for name, values in subdomain_fields.items()}
     local_arrays: dict[str, Columns] = {}
@@ -109,7 +109,7 @@ def prescribed_components_by_condition(subdomain: RankSystem) -> list[NDArray[np
     """The held components of each condition and axis, which are in the order of their rows."""
     holds, d = subdomain.system.drive.holds, subdomain.system.model.grid.dimension
     of = holds.profile * d + holds.axis
-    return [np.flatnonzero(of == number) for number in range(len(subdomain.acting_conditions) * d)]
+    return [np.flatnonzero(of == number) for number in range(len(subdomain.force_conditions) * d)]
 
 
 def _send_arrays_to_rank_0(team: Team, columns: Columns) -> None:

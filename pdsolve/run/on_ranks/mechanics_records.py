@@ -13,7 +13,7 @@ from pdsolve.numerics.ordered_sums import Branches, branches, total
 from pdsolve.numerics.team import PASSED, Team
 from pdsolve.ranks.part import Part, broken
 from pdsolve.results import Results
-from pdsolve.run.inversion_checks import DisplacementRange, MotionChecks, compute_displacement_range
+from pdsolve.run.inversion_checks import DisplacementRange, InversionAndPrecisionChecks, compute_displacement_range
 from pdsolve.run.measures import (
     EnergyBalanceRow,
     NodeEnergiesAndBreaks,
@@ -26,7 +26,7 @@ from pdsolve.run.mechanics_records import (
     list_node_displacement_velocity_acceleration,
 )
 from pdsolve.run.on_ranks.start import RankSystem, SystemOnRanks
-from pdsolve.run.reactions import Reaction
+from pdsolve.run.reactions import ConditionForceRow
 from pdsolve.state import Broken, State
 
 Array = NDArray[np.float64]
@@ -65,21 +65,21 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         self._owned = [[row for row in rows if slab.first <= row < slab.last] for slab in system.slabs]
         self._order = {row: number for number, row in enumerate(rows)}
         subdomain: RankSystem = self._team.part.now
-        self._kinds, self._checks = subdomain.acting_conditions, subdomain.motion_checks
-        lengths_of_all = self._team.everywhere(local_spacing_and_breaking_elongation)
-        self._team.everywhere(set_spacing_and_elongation, lengths_of_all)
+        self._kinds, self._checks = subdomain.force_conditions, subdomain.motion_checks
+        lengths_of_all = self._team.everywhere(local_smallest_spacing_and_breaking_elongation)
+        self._team.everywhere(set_smallest_spacing_and_breaking_elongation_of_ranks, lengths_of_all)
         self.known = self._gather_reports(resumed_step)
         self.last, self._heat_energy = self.known.balance_row, 0.0
 
-    def evaluate_balance(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks | None) -> None:
+    def evaluate_balance(self, state: State, step: int, energies_and_breaks: NodeEnergiesAndBreaks | None) -> None:
         """Evaluate the balance at this step, unless it is the last entry."""
         if self.last.step != step:
             self.known = self._gather_reports(step)
             self.last = self.known.balance_row
 
-    def record_step(self, state: State, step: int, bond_state: NodeEnergiesAndBreaks | None) -> None:
+    def record_step(self, state: State, step: int, energies_and_breaks: NodeEnergiesAndBreaks | None) -> None:
         """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
-        self.evaluate_balance(state, step, bond_state)
+        self.evaluate_balance(state, step, energies_and_breaks)
         if self._is_unstable(self.last, self.known.values_are_finite):  # the error is that of one process
             worst = self._team.everywhere(find_fastest_local_node, self.known.values_are_finite)
             most = max(speed for speed, _ in worst)
@@ -107,7 +107,7 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
             probe_values.sort(key=lambda probe: self._order[probe[0]])
             self._probes += [(step, time, *values) for _, *values in probe_values]
         if self._kinds:
-            self._reactions += self._team.everywhere(sum_reactions_over_ranks, step, time)[-1]
+            self._reactions += self._team.everywhere(sum_condition_forces_over_ranks, step, time)[-1]
 
     def _gather_reports(self, step: int) -> GatheredReports:
         """The ledger entry after a step, from all ranks."""
@@ -136,23 +136,26 @@ class MechanicsRecordsOnRanks(MechanicsRecords):
         )
 
 
-def compute_rank_bond_state_once(team: Team, step: int) -> NodeEnergiesAndBreaks:
+def compute_energies_and_breaks_of_rank_once(team: Team, step: int) -> NodeEnergiesAndBreaks:
     """What the operator says of the window's state after a step, asked once."""
     subdomain: RankSystem = team.part.now
     if subdomain.bond_state_step != step:
-        subdomain.bond_state = compute_node_energies_and_breaks(subdomain.system, subdomain.state)
+        subdomain.energies_and_breaks = compute_node_energies_and_breaks(subdomain.system, subdomain.state)
         subdomain.bond_state_step = step
-    return subdomain.bond_state
+    return subdomain.energies_and_breaks
 
 
 def make_rank_report(team: Team, step: int) -> RankReport:
     """What this rank says of the state after a step."""
     part: Part = team.part
     subdomain: RankSystem = part.now
-    bond_state, slab = compute_rank_bond_state_once(team, step), part.slab
+    energies_and_breaks, slab = compute_energies_and_breaks_of_rank_once(team, step), part.slab
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
         values = node_energy_functions(
-            subdomain.system, subdomain.state, bond_state.strain_energy_density, bond_state.softening_energy_density
+            subdomain.system,
+            subdomain.state,
+            energies_and_breaks.strain_energy_density,
+            energies_and_breaks.softening_energy_density,
         )
         sums = {name: branches(of()[part.own], slab.first, slab.nodes) for name, of in values.items()}
     mine, u = broken(part), subdomain.state.value[part.own]
@@ -161,14 +164,16 @@ def make_rank_report(team: Team, step: int) -> RankReport:
     return RankReport(sums, len(mine.step), int(mine.step.max(initial=0)), finite, compute_displacement_range(u[:, :d]))
 
 
-def local_spacing_and_breaking_elongation(team: Team) -> tuple[float, float]:
+def local_smallest_spacing_and_breaking_elongation(team: Team) -> tuple[float, float]:
     """The lengths by which this rank's window looks at the motion."""
     return _motion_checks(team).smallest_spacing_and_breaking_elongation
 
 
-def set_spacing_and_elongation(team: Team, spacings_and_elongations: list[tuple[float, float]]) -> None:
+def set_smallest_spacing_and_breaking_elongation_of_ranks(
+    team: Team, spacings_and_elongations: list[tuple[float, float]]
+) -> None:
     """Look at the motion of own nodes by the lengths of all ranks."""
-    _motion_checks(team).set_spacing_and_elongation(spacings_and_elongations, team.part.own)
+    _motion_checks(team).set_smallest_spacing_and_breaking_elongation_of_ranks(spacings_and_elongations, team.part.own)
 
 
 def describe_local_inverted_triangle(team: Team) -> str | None:
@@ -201,21 +206,21 @@ def list_local_probe_motion(team: Team, grid_rows: list[int]) -> list[tuple[Any,
     ]
 
 
-def sum_reactions_over_ranks(team: Team, step: int, time: float) -> list[Reaction]:
+def sum_condition_forces_over_ranks(team: Team, step: int, time: float) -> list[ConditionForceRow]:
     """The reactions of all ranks, on the last one: each adds to the sums of those before it, node by node."""
     part: Part = team.part
     subdomain: RankSystem = part.now
     system, state, d = subdomain.system, subdomain.state, subdomain.system.model.grid.dimension
     drive, area, rho = system.drive, system.area, system.model.rho
-    holds, loads, count = drive.holds, drive.loads, len(subdomain.acting_conditions)
+    holds, loads, count = drive.holds, drive.loads, len(subdomain.force_conditions)
     pulls, pushes = np.zeros((2, count * d))
-    sums = _ReactionSums(pulls, pushes, np.zeros((count, d)), np.zeros(count, dtype=np.int64))
+    sums = _ConditionForceSums(pulls, pushes, np.zeros((count, d)), np.zeros(count, dtype=np.int64))
     if team.rank > 0:
         sums = team.received(team.rank - 1, PASSED)
     pull = area[holds.node] * (rho[holds.node] * state.second[holds.node, holds.axis].astype(float) - drive.held_force)
     np.add.at(sums.holding_force, d * holds.profile + holds.axis, pull)
     np.add.at(sums.load_force, d * loads.profile + loads.axis, area[loads.node] * loads.value)
-    for number, grip in enumerate(subdomain.acting_conditions):
+    for number, grip in enumerate(subdomain.force_conditions):
         displacement = state.value[grip.node_rows, :d].astype(float)
         sums.displacement_sum[number] = np.add.reduce(
             np.concatenate([sums.displacement_sum[number : number + 1], displacement]), axis=0
@@ -224,27 +229,27 @@ def sum_reactions_over_ranks(team: Team, step: int, time: float) -> list[Reactio
     if team.rank < team.size - 1:
         team.comm.send(sums, team.rank + 1, PASSED)
         return []
-    at, all_reactions = system.profile_time_or_load_factor(step), list[Reaction]()
-    for number, grip in enumerate(subdomain.acting_conditions):
+    at, all_reactions = system.profile_time_or_load_factor(step), list[ConditionForceRow]()
+    for number, grip in enumerate(subdomain.force_conditions):
         components = slice(d * number, d * number + d)
         factor = float(factor_now(drive.profiles, number, at))
         force = (sums.holding_force[components] + factor * sums.load_force[components]).tolist()
         mean = (sums.displacement_sum[number] / sums.node_count[number]).tolist()
         all_reactions.append(
-            Reaction(
+            ConditionForceRow(
                 step, time, grip.condition_number, grip.condition_kind, *force[:2], *mean[:2], *force[2:], *mean[2:]
             )
         )
     return all_reactions
 
 
-class _ReactionSums(NamedTuple):
+class _ConditionForceSums(NamedTuple):
     holding_force: Array  # (grips d,) of holding forces
     load_force: Array  # (grips d,) of loads at factor 1
     displacement_sum: Array  # (grips, d) of displacements
     node_count: NDArray[np.int64]  # (grips,)
 
 
-def _motion_checks(team: Team) -> MotionChecks:
+def _motion_checks(team: Team) -> InversionAndPrecisionChecks:
     subdomain: RankSystem = team.part.now
     return subdomain.motion_checks

@@ -15,7 +15,7 @@ import numpy as np
 from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Writer, pieces, remove
 from pdsolve.results.removal import expect_piece
 from pdsolve.results.schema import CHUNK, Births, taken
-from pdsolve.run.measures import count_bodies
+from pdsolve.run.measures import count_initially_separate_bodies
 from pdsolve.run.on_ranks import frames, split
 from pdsolve.run.on_ranks.mechanics_records import MechanicsRecordsOnRanks
 from pdsolve.run.on_ranks.rank_file import wait_until_all_ranks_wrote_frame
@@ -57,9 +57,11 @@ class RecorderOnRanks(Recorder):
         """Record this step. Raises UnstableError."""
         self.physics_records.record_step(self.state, step, None)
 
-    def bodies_are_split(self) -> bool:
+    def has_more_fragments_than_bodies(self) -> bool:
         """Whether there are more pieces than bodies."""
-        return split.count_pieces_over_ranks(self._team, len(self.system.model.grid)) > count_bodies(self.system)
+        return split.count_fragments_over_ranks(
+            self._team, len(self.system.model.grid)
+        ) > count_initially_separate_bodies(self.system)
 
     def make_frame(self, step: int, with_fields: bool, with_checkpoint: bool) -> FrameRecord:
         """All records since the last frame, for writing; see `Recorder`."""

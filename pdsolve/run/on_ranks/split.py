@@ -14,17 +14,17 @@ from pdsolve.run.measures import PIECE, compute_node_damage
 from pdsolve.run.on_ranks.start import RankSystem
 
 
-def count_pieces_over_ranks(team: Team, node_count: int) -> int:
-    """Number of pieces of all `node_count`; see `pdsolve.run.measures.count_pieces`."""
-    pairs = np.concatenate(team.everywhere(find_piece_pairs_across_ranks), axis=1)
+def count_fragments_over_ranks(team: Team, node_count: int) -> int:
+    """Number of pieces of all `node_count`; see `pdsolve.run.measures.count_fragments`."""
+    pairs = np.concatenate(team.everywhere(find_fragment_pairs_bonded_across_ranks), axis=1)
     labels, ends = np.unique(pairs, return_inverse=True)
-    counts, alone = zip(*team.everywhere(count_local_piece_nodes, labels, PIECE * node_count), strict=True)
+    counts, alone = zip(*team.everywhere(count_local_nodes_of_fragments, labels, PIECE * node_count), strict=True)
     component = connected(len(labels), *ends.reshape(2, -1)) if len(labels) else np.zeros(0, dtype=np.int64)
     joined = np.bincount(component, weights=np.sum(counts, axis=0)) if len(labels) else np.zeros(0)
     return int(sum(alone)) + int((joined > PIECE * node_count).sum())
 
 
-def find_piece_pairs_across_ranks(team: Team) -> NDArray[np.int64]:
+def find_fragment_pairs_bonded_across_ranks(team: Team) -> NDArray[np.int64]:
     """The pairs (2, k) of pieces, by the row of a node in the whole grid, that a bond joins to one of another rank."""
     part: Part = team.part
     subdomain: RankSystem = part.now
@@ -46,7 +46,7 @@ def find_piece_pairs_across_ranks(team: Team) -> NDArray[np.int64]:
     return np.unique(shared[0, np.array([source, target])[:, across]].astype(np.int64), axis=1)
 
 
-def count_local_piece_nodes(
+def count_local_nodes_of_fragments(
     team: Team, piece_labels: NDArray[np.int64], least_node_count: float
 ) -> tuple[NDArray[np.int64], int]:
     """How many own nodes each of these pieces (k,) has, and how many others have more nodes than the

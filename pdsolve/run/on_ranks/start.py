@@ -19,12 +19,12 @@ from pdsolve.ranks.building import built
 from pdsolve.ranks.part import Part, added_up
 from pdsolve.ranks.slabs import Slab
 from pdsolve.run.assembly import RankCoupling, assemble_system, choose_time_step
-from pdsolve.run.inversion_checks import MotionChecks
+from pdsolve.run.inversion_checks import InversionAndPrecisionChecks
 from pdsolve.run.measures import NodeEnergiesAndBreaks, compute_node_energies_and_breaks
 from pdsolve.run.on_ranks.rank_file import RankDatabase
 from pdsolve.run.operator_factory import make_operator, make_tiled_operator, stable_time_step_from_stiffness_bound
 from pdsolve.run.prepare import select_scheme
-from pdsolve.run.reactions import ActingCondition
+from pdsolve.run.reactions import ForceConditionWithNodes
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes import SCHEMES
 from pdsolve.state import State
@@ -70,14 +70,18 @@ class RankSystem:
     def __init__(self, part: Part, prepared: PreparedRun) -> None:
         self.system, self.state = prepared
         own = part.own
-        self.acting_conditions = tuple(
-            ActingCondition(number, str(condition.__struct_config__.tag), rows[(rows >= own.start) & (rows < own.stop)])
+        self.force_conditions = tuple(
+            ForceConditionWithNodes(
+                number, str(condition.__struct_config__.tag), rows[(rows >= own.start) & (rows < own.stop)]
+            )
             for number, condition in enumerate(self.system.model.settings.conditions)
             if isinstance(condition, Driving)
             for rows in (self.system.model.selected(condition),)
         )
-        self.motion_checks = MotionChecks(self.system.model, partial(self.system.operator.bonds, start=True))
-        self.bond_state: NodeEnergiesAndBreaks = compute_node_energies_and_breaks(self.system, self.state)
+        self.motion_checks = InversionAndPrecisionChecks(
+            self.system.model, partial(self.system.operator.bonds, at_start=True)
+        )
+        self.energies_and_breaks: NodeEnergiesAndBreaks = compute_node_energies_and_breaks(self.system, self.state)
         self.bond_state_step = 0  # that this is of
         self.file: RankDatabase | None = None  # of this rank alone
         self.pieces = np.zeros(0, dtype=np.int64)  # (k,) of each own node, where it is asked for

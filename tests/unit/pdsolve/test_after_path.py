@@ -14,7 +14,7 @@ from plates import plate, square_grid
 from pdmesh.model.document import Displacement, Load, Run, Spring
 from pdsolve.model import Model
 from pdsolve.run import after_path
-from pdsolve.run.after_path import _explicit_model_with_constant_loads, prepare_motion_after_path
+from pdsolve.run.after_path import _explicit_model_with_constant_loads, prepare_motion_after_equilibrium_path
 from pdsolve.run.system import PreparedRun
 
 GROWS = ((0.0, 0.0), (2.0, 8.0))
@@ -76,7 +76,7 @@ def test_it_goes_on_from_the_path(
     monkeypatch.setattr(after_path, "force_densities", force_densities)
     path: Any = Part(name="path.sqlite", model=lambda: "text", breaks=lambda: "breaks")
     path.checkpoint, path.meta, path.summary = lambda: (7, "kept"), lambda: {"mode": "thesis"}, lambda: {"lost": 0.5}
-    (system, state), step = prepare_motion_after_path(path, 3)
+    (system, state), step = prepare_motion_after_equilibrium_path(path, 3)
     assert (state, step) == (first, 7)
     assert done == [
         ("prepare", ((0.0, 0.5),), "thesis", "float64", 3, "listed"),

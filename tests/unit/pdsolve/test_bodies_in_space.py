@@ -20,7 +20,7 @@ from pdsolve.operators.contact.operator import pair_stiffness
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
 from pdsolve.run.prepare import prepare
-from pdsolve.run.reactions import compute_reactions, list_acting_conditions
+from pdsolve.run.reactions import compute_condition_forces, list_force_conditions_with_nodes
 from pdsolve.run.system import PreparedRun
 
 UNIT = Material(E=1.0, rho=1.0, G0=1e9, plane="space")
@@ -161,7 +161,9 @@ def test_a_rigid_ball_bounces_from_a_plate() -> None:
     (system, state), steps, pushed = prepared(ball), 120, 0.0
     for step in range(1, steps + 1):
         PreparedRun(system, state).advance(step, step + 1)
-        (found,) = compute_reactions(list_acting_conditions(system), system, state, step, step * system.time_step)
+        (found,) = compute_condition_forces(
+            list_force_conditions_with_nodes(system), system, state, step, step * system.time_step
+        )
         pushed -= found.force_z * system.time_step
     rows = system.model.grid.rigid
     momentum = ((system.area * system.model.rho)[rows] * state.rate[rows, 2]).sum()

@@ -10,7 +10,7 @@ import pytest
 
 from pdsolve.errors import CheckpointError
 from pdsolve.run import body_zones
-from pdsolve.run.body_zones import BodyRefinement, _previous_rows_with_same_bonds
+from pdsolve.run.body_zones import BodyCellRefinement, _previous_row_of_nodes_with_same_bonds
 from pdsolve.run.system import PreparedRun
 from pdsolve.state import State
 
@@ -46,7 +46,7 @@ def test_nodes_that_keep_their_cell_and_bonds(
     changed: dict[str, list[float]], expected: list[int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(body_zones, "expect_body_zone_operator", lambda system: system.operator)
-    assert _previous_rows_with_same_bonds(*systems(**changed), ROWS).tolist() == expected
+    assert _previous_row_of_nodes_with_same_bonds(*systems(**changed), ROWS).tolist() == expected
 
 
 class Zone:
@@ -111,10 +111,10 @@ def change(zone: Zone, monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(
         body_zones, "_system_with_refined_operator", lambda _, operator, step: Part(operator=operator, drive=after)
     )
-    monkeypatch.setattr(body_zones, "_previous_rows_with_same_bonds", lambda *_: "origin")
+    monkeypatch.setattr(body_zones, "_previous_row_of_nodes_with_same_bonds", lambda *_: "origin")
     motion = [np.full((4, 3), value) for value in (1.0, 2.0, 3.0)]
     booked = [factor * np.array([1.0, 10.0, 100.0]) for factor in (1.0, 2.0, 3.0)]
-    return BodyRefinement().change_nodes(system, State(*motion, *booked), 256)
+    return BodyCellRefinement().change_nodes(system, State(*motion, *booked), 256)
 
 
 def test_what_was_booked_stays_where_it_was(zone: Zone, change: Any) -> None:
@@ -135,12 +135,12 @@ def test_the_energy_made_by_a_refinement_is_added_up(zone: Zone, change: Any) ->
     """11 J after less 4 J before and 0.5 J of forces; 100 J of earlier ones."""
     assert change.system.operator.history.refinement_energy == 107.5
     assert change[2] == "origin"
-    assert zone.asked == [256 - BodyRefinement.steps_between_checks]  # what broke since the last look
+    assert zone.asked == [256 - BodyCellRefinement.steps_between_checks]  # what broke since the last look
 
 
 def test_without_cells_to_refine_nothing_changes(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(body_zones, "expect_body_zone_operator", lambda system: system.operator)
-    assert BodyRefinement().change_nodes(Part(operator=Zone([], [])), "state", 256) is None  # type: ignore[arg-type]
+    assert BodyCellRefinement().change_nodes(Part(operator=Zone([], [])), "state", 256) is None  # type: ignore[arg-type]
 
 
 def test_a_checkpoint_of_other_cells_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -150,15 +150,17 @@ def test_a_checkpoint_of_other_cells_is_refused(monkeypatch: pytest.MonkeyPatch)
     )
     steps: list[int] = []
     monkeypatch.setattr(body_zones, "_system_with_refined_operator", lambda system, operator, step: steps.append(step))
-    assert BodyRefinement().restore_system(Part(), {"ids": np.array([1, 2])}).state.value.shape == (2, 3)  # type: ignore[arg-type]
+    assert BodyCellRefinement().create_system_with_checkpoint_nodes(
+        Part(), {"ids": np.array([1, 2])}
+    ).state.value.shape == (2, 3)  # type: ignore[arg-type]
     assert steps == [0]
     with pytest.raises(CheckpointError, match="ids of nodes"):
-        BodyRefinement().restore_system(Part(), {"ids": np.array([1, 3])})  # type: ignore[arg-type]
+        BodyCellRefinement().create_system_with_checkpoint_nodes(Part(), {"ids": np.array([1, 3])})  # type: ignore[arg-type]
 
 
 def test_loads_of_new_nodes_are_those_of_the_time_of_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
     times: list[float] = []
-    monkeypatch.setattr(body_zones, "create_current_drive", lambda after, time: times.append(time))
+    monkeypatch.setattr(body_zones, "create_conditions_of_current_nodes", lambda after, time: times.append(time))
     assemble: Any = lambda *words, conditions: Part(system=PreparedRun(words[5:7], None))  # noqa: E731
     monkeypatch.setattr(body_zones, "assemble_system", assemble)
     monkeypatch.setattr(body_zones.dataclasses, "replace", lambda system, **changes: (system, changes))

@@ -19,7 +19,7 @@ from pdmesh.model.node_grid import Grid, whole_lattice
 from pdsolve.checks import closing, nearest, refuse_numbers, warn_of_missing_dissipation, warn_of_model
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
-from pdsolve.run.inversion_checks import MotionChecks
+from pdsolve.run.inversion_checks import InversionAndPrecisionChecks
 from pdsolve.run.mechanics_records import MechanicsRecords
 from pdsolve.run.plastic_checks import warn_if_plastic_strain_is_large
 from pdsolve.run.prepare import prepare
@@ -105,7 +105,7 @@ def moved(matrix: list[list[float]], away: float = 0.0, kind: str = "float64") -
 def seen(problem: PreparedRun, looks: int = 2) -> list[str]:
     """What a watch says of that, looking so many times."""
     operator = problem.system.operator
-    watch = MotionChecks(problem.system.model, partial(operator.bonds, start=True))
+    watch = InversionAndPrecisionChecks(problem.system.model, partial(operator.bonds, start=True))
     with saying() as lines:
         for step in range(looks):
             watch.warn_of_inversion_or_imprecision(problem.state.value, operator.broken(), step)
@@ -209,7 +209,7 @@ def test_a_node_that_passes_another_is_seen_on_lattices_with_and_without_gaps() 
         for x, y in ((3, 3), (6, 4), (10, 4), (12, 8)):
             u = np.zeros((len(place), 2))
             u[(place[order] == (x, y)).all(axis=1), 0] = -2.5e-3
-            watch = MotionChecks(model, partial(lambda ends, first, last: ends, (source, target)))
+            watch = InversionAndPrecisionChecks(model, partial(lambda ends, first, last: ends, (source, target)))
             with saying() as lines:
                 watch.warn_of_inversion_or_imprecision(u, Broken(*np.zeros((3, 0), dtype=np.int64)), 1)
             assert len(lines) == 1, (x, y)

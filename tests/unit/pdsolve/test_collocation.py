@@ -45,7 +45,7 @@ def test_bonds_of_the_start_stay_as_they_are_while_others_march(monkeypatch: pyt
     """A writer asks for them in a thread of its own: here bonds break amid the answer."""
     problem = prepare(torn("collocation"), Options(threads=1))
     operator, listed = problem.system.operator, operator_module.list_bonds
-    expected = operator.bonds(start=True)
+    expected = operator.bonds(at_start=True)
 
     def listed_while_bonds_break(*arguments: Any) -> Any:
         found = listed(*arguments)
@@ -53,7 +53,7 @@ def test_bonds_of_the_start_stay_as_they_are_while_others_march(monkeypatch: pyt
         return found
 
     monkeypatch.setattr(operator_module, "list_bonds", listed_while_bonds_break)
-    for found, before in zip(operator.bonds(start=True), expected, strict=True):
+    for found, before in zip(operator.bonds(at_start=True), expected, strict=True):
         assert np.array_equal(found, before)
     assert len(operator.broken().step) > 100
 

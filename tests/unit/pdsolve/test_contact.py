@@ -23,7 +23,7 @@ from pdsolve.operators.contact.operator import pair_stiffness, touch_bound
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
 from pdsolve.run.prepare import prepare
-from pdsolve.run.reactions import compute_reactions, list_acting_conditions
+from pdsolve.run.reactions import compute_condition_forces, list_force_conditions_with_nodes
 from pdsolve.run.simulation import resume
 from pdsolve.run.system import PreparedRun
 from pdsolve.state import State
@@ -122,7 +122,9 @@ def closed(crack: bool, contact: bool, side: int = 40) -> tuple[float, PreparedR
     prepared = prepare(Model(built.grid, built.settings), Options(threads=1))
     steps = int(12 / prepared.system.time_step)
     prepared.advance(1, steps + 1)
-    return compute_reactions(list_acting_conditions(prepared.system), *prepared, steps, 12.0)[1].force_y, prepared
+    return compute_condition_forces(list_force_conditions_with_nodes(prepared.system), *prepared, steps, 12.0)[
+        1
+    ].force_y, prepared
 
 
 @pytest.mark.slow

@@ -109,7 +109,7 @@ def test_bodies_that_stay_supported_are(cut: bool) -> None:
             intact = intact & without(source, target, pair[None])
             looks += 1
             said = find_loose_bodies(PLACE, ids, _left(source, target, intact), held).description
-            if braced.accept_if_supported(intact):
+            if braced.update_bonds_if_bodies_stay_supported(intact):
                 stays += 1
                 assert not said
                 continue

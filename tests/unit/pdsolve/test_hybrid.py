@@ -38,14 +38,14 @@ from pdmesh.model.possible import impossible
 from pdmesh.quantities import UNITS
 from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.hybrid.coarse_cells import create_hybrid_plate, initial_cell_kinds
-from pdsolve.adaptivity.hybrid.prepare import rows_of_steep_content
+from pdsolve.adaptivity.hybrid.prepare import rows_with_content_jumps
 from pdsolve.checks import warn_of_created_energy
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare, select_scheme
 from pdsolve.run.simulation import simulate
-from pdsolve.zone.bond_parts import BondParts, divide_bonds
+from pdsolve.zone.bond_parts import BondPartsInCells, divide_bonds_at_cell_borders
 from pdsolve.zone.cells import AROUND, COARSE, FINE
 from pdsolve.zone.springs import coarse_springs, create_fine_springs
 
@@ -132,7 +132,7 @@ def test_the_compact_lattice_is_as_stiff_as_the_fine_one() -> None:
                 n = (x / length) ** power[0] * (y / length) ** power[1]
                 sums.append((stiffness * length**2 * n).sum() / 2 / area)
             assert sums[0] == pytest.approx(sums[1], rel=1e-13)
-        cut = divide_bonds(np.column_stack([fine.family_dx, fine.family_dy]))
+        cut = divide_bonds_at_cell_borders(np.column_stack([fine.family_dx, fine.family_dy]))
         first, last = cut.part_bounds_of_sides[:, :, 0].ravel(), cut.part_bounds_of_sides[:, :, 1].ravel()
         for one, other in zip(first, last, strict=True):
             assert np.diff(cut.begin_and_end_shares[one:other], axis=1).sum() == pytest.approx(1.0, abs=1e-12)
@@ -147,7 +147,7 @@ def test_cells_beside_an_edge_where_a_content_leaps_are_fine(how: str) -> None:
     scene = Scene(box(0, 0, 0.04, 0.02), 1e-3, glass, 4.0, HYBRID, medium=Medium(D=1e-3))
     built = build(getattr(scene, how)("left", **settings[how]))
     model = Model(built.grid, built.settings)
-    steep = rows_of_steep_content(model)
+    steep = rows_with_content_jumps(model)
     x = model.grid.position[:, 0]
     assert set(steep) == set(np.flatnonzero(x == x.min()))
     whole = create_hybrid_plate(model.moving_part())
@@ -160,7 +160,10 @@ def test_cells_beside_an_edge_where_a_content_leaps_are_fine(how: str) -> None:
 def test_bits_of_cells_are_those_of_the_stretches_of_bonds() -> None:
     """At the largest horizon too; seen from its other end, a bond has the same cells."""
     fine = create_fine_springs(GLASS, 6.0, 1e-3)
-    cut, half = divide_bonds(np.column_stack([fine.family_dx, fine.family_dy])), len(fine.family_dx) // 2
+    cut, half = (
+        divide_bonds_at_cell_borders(np.column_stack([fine.family_dx, fine.family_dy])),
+        len(fine.family_dx) // 2,
+    )
     for place in range(4):
         for k in range(half):
             for side in range(2):
@@ -174,7 +177,7 @@ def test_bits_of_cells_are_those_of_the_stretches_of_bonds() -> None:
                 assert int(cut.side_cell_bits[parity, k + half, side, 0]) == _bits(cut, parity, away)
 
 
-def _bits(cut: BondParts, position: int, cells: NDArray[np.int64]) -> int:
+def _bits(cut: BondPartsInCells, position: int, cells: NDArray[np.int64]) -> int:
     """A bit for each of these cells (k, 2), of those around that of a node at this position in it."""
     steps = cells - cut.lowest_cell_offset[[position % 2, position // 2]]
     assert ((steps >= 0) & (steps < cut.cells_around_per_axis)).all()

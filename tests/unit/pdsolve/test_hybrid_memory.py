@@ -14,8 +14,8 @@ from pdmesh.model.document import Absorb, Lattice, Run
 from pdmesh.model.node_grid import whole_lattice
 from pdsolve.adaptivity.hybrid import irregular_bonds
 from pdsolve.adaptivity.hybrid.coarse_cells import create_hybrid_plate
-from pdsolve.adaptivity.hybrid.irregular_bonds import find_irregular_bonds
-from pdsolve.adaptivity.hybrid.node_constants import values_at_nodes
+from pdsolve.adaptivity.hybrid.irregular_bonds import compute_irregular_bonds
+from pdsolve.adaptivity.hybrid.node_constants import node_constants_at_places
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.zone.springs import create_fine_springs
@@ -72,7 +72,7 @@ def test_rows_that_are_alike_have_the_constants_of_each_node() -> None:
         model = plate(grid, 3.0, run=Run(adapt="hybrid", steps=1), conditions=(absorb,))
         hybrid = prepare(model, Options(threads=1)).system.operator.engine  # type: ignore[attr-defined]
         rows, place = hybrid.lattice.node_constants, hybrid.plate.fine_places
-        own = values_at_nodes(rows, rows.irregular_bond_row, place)
+        own = node_constants_at_places(rows, rows.irregular_bond_row, place)
         springs = (
             np.where(own[:, None] >= 0, hybrid.lattice.irregular_bond_stiffness[own], 0.0)
             / hybrid.lattice.spring_table[0, 5]
@@ -80,11 +80,15 @@ def test_rows_that_are_alike_have_the_constants_of_each_node() -> None:
         found.append(
             [
                 springs,
-                *(values_at_nodes(rows, values, place) for values in rows[1:] if values is not rows.irregular_bond_row),
+                *(
+                    node_constants_at_places(rows, values, place)
+                    for values in rows[1:]
+                    if values is not rows.irregular_bond_row
+                ),
             ]
         )
         assert len(rows.mass) < 0.4 * len(rows.constants_row)  # measured: 0.36, most of it of the layer that absorbs
-        assert values_at_nodes(rows, rows.mass, place) == pytest.approx(
+        assert node_constants_at_places(rows, rows.mass, place) == pytest.approx(
             2235.0 * hybrid.plate.area_shares * 1e-6, rel=1e-14
         )
     (springs, *one), (others, *other) = found
@@ -100,9 +104,11 @@ def test_nodes_that_lie_in_the_same_way_to_edges_and_cracks_share_their_bonds(mo
     model = plate(whole_lattice(lattice, cracks=cracks, outline=(ring,)), 3.0, run=Run(adapt="hybrid", steps=1))
     board = create_hybrid_plate(model)
     springs = (create_fine_springs(model.materials[0], 3.0, board.spacing),)
-    found = find_irregular_bonds(board, springs)
-    monkeypatch.setattr(irregular_bonds, "find_first_equivalent_rows", lambda plate, rows, reach: np.arange(len(rows)))
-    alone, which = find_irregular_bonds(board, springs), found.bond_row_of_node
+    found = compute_irregular_bonds(board, springs)
+    monkeypatch.setattr(
+        irregular_bonds, "find_first_row_with_equal_bonds", lambda plate, rows, reach: np.arange(len(rows))
+    )
+    alone, which = compute_irregular_bonds(board, springs), found.bond_row_of_node
     assert len(found.stiffness) < 0.5 * len(alone.stiffness)  # measured: 0.42
     np.testing.assert_allclose(found.stiffness[which], alone.stiffness, rtol=1e-12, atol=0.0)  # measured: 1e-13
     np.testing.assert_allclose(found.stiffness_bound[which], alone.stiffness_bound, rtol=1e-12)

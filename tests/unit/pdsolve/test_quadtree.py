@@ -16,9 +16,9 @@ from pdsolve.adaptivity.quadtree import criteria
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds, update_leaf_bonds
 from pdsolve.adaptivity.quadtree.inherited_cracks import PreviousBonds, inherit_break_steps
 from pdsolve.adaptivity.quadtree.interpolation import interpolate_state
-from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, map_leaves
+from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, leaves_after_split_and_merge
 from pdsolve.adaptivity.quadtree.operator import replace_boxes_by_node_ids
-from pdsolve.adaptivity.quadtree.tree import Cells, Tree
+from pdsolve.adaptivity.quadtree.tree import Quadtree, QuadtreeCells
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.model import Model
 from pdsolve.run.energy_steps import kinetic_energy
@@ -28,20 +28,20 @@ from pdsolve.state import State
 MODES = ("thesis", "conservative")
 
 
-def tree(columns: int = 21, rows: int = 21, levels: int = 1, ratio: float = 3.0, **settings: Any) -> Tree:
+def tree(columns: int = 21, rows: int = 21, levels: int = 1, ratio: float = 3.0, **settings: Any) -> Quadtree:
     """The cells of a plate of glass without an outline."""
     split = Run(adapt="split", split=Split(levels=levels))
-    return Tree(plate(square_grid(columns, rows), ratio, run=split, **settings))
+    return Quadtree(plate(square_grid(columns, rows), ratio, run=split, **settings))
 
 
-def looked(of: Tree, cells: Cells, flagged: NDArray[np.int64]) -> criteria.LeafStates:
+def looked(of: Quadtree, cells: QuadtreeCells, flagged: NDArray[np.int64]) -> criteria.LeafStates:
     """A look at leaves of which these rows are flagged; no bond has broken."""
     height = np.zeros(len(cells.root_row))
     height[flagged] = 1.0
     return criteria.LeafStates(cells, of.centres(cells), height, np.zeros(len(height), dtype=bool))
 
 
-def nearest(of: Tree, cells: Cells, x: float, y: float) -> NDArray[np.int64]:
+def nearest(of: Quadtree, cells: QuadtreeCells, x: float, y: float) -> NDArray[np.int64]:
     """The row of the leaf at a place."""
     return np.array([np.hypot(*(of.centres(cells) - (x, y)).T).argmin()])
 
@@ -53,7 +53,7 @@ def test_all_within_the_old_horizon_split(ratio: float, count: int) -> None:
     cells = of.roots()
     splits = criteria.mask_leaves_to_split(of, looked(of, cells, np.array([220])), 0.5)
     assert splits.sum() == count
-    new, transfer = map_leaves(of, cells, splits, cells.select(splits[:0].nonzero()[0]))
+    new, transfer = leaves_after_split_and_merge(of, cells, splits, cells.select(splits[:0].nonzero()[0]))
     assert transfer.is_quarter.sum() == 4 * count
     assert len(new.root_row) == 441 + 3 * count
 
@@ -66,7 +66,7 @@ def test_leaves_that_touch_differ_by_one_level() -> None:
     nothing = cells.select(np.zeros(0, dtype=np.int64))
     for _ in range(6):
         splits = criteria.mask_leaves_to_split(of, looked(of, cells, nearest(of, cells, 10.1e-3, 10.1e-3)), 0.5)
-        cells, _ = map_leaves(of, cells, splits, nothing)
+        cells, _ = leaves_after_split_and_merge(of, cells, splits, nothing)
     assert np.bincount(cells.level).all()
     assert cells.level.max() == 3
     place, half = of.centres(cells), of.spacing / 2.0 ** (cells.level + 1)
@@ -86,20 +86,24 @@ def test_energy_is_measured_by_the_largest_between_floor_and_ceiling() -> None:
     assert critical == pytest.approx(np.full(441, 1.125 * material.E / 2 * squared), rel=1e-12)
     energy = np.zeros(441)
     energy[[0, 1, 2, 440]] = critical[0] * np.array([0.5, 0.2, 0.05, 9.0])
-    found = criteria.relative_energy_densities(of, cells, energy, critical)
+    found = criteria.energy_densities_over_largest(of, cells, energy, critical)
     assert found[[0, 1, 2, 440]] == pytest.approx([1.0, 0.4, 0.0, 0.0])
     energy[3] = 50 * critical[0]
-    assert criteria.relative_energy_densities(of, cells, energy, critical)[:4] == pytest.approx([0.5, 0.2, 0.0, 50.0])
+    assert criteria.energy_densities_over_largest(of, cells, energy, critical)[:4] == pytest.approx(
+        [0.5, 0.2, 0.0, 50.0]
+    )
     finer = cells._replace(level=np.ones(441, dtype=np.int64))
-    assert criteria.relative_energy_densities(of, finer, energy, critical)[:4] == pytest.approx([0.25, 0.0, 0.0, 25.0])
-    assert not criteria.relative_energy_densities(of, cells, np.zeros(441), critical).any()
+    assert criteria.energy_densities_over_largest(of, finer, energy, critical)[:4] == pytest.approx(
+        [0.25, 0.0, 0.0, 25.0]
+    )
+    assert not criteria.energy_densities_over_largest(of, cells, np.zeros(441), critical).any()
 
 
 def test_ids_say_which_cells_they_are() -> None:
     """Of all levels, with nodes whose ids are in no order."""
     of = tree(5, 4, levels=3)
     shuffled = np.random.default_rng(1).permutation(of.model.grid.ids) * 7
-    of = Tree(dataclasses.replace(of.model, grid=dataclasses.replace(of.model.grid, ids=shuffled)))
+    of = Quadtree(dataclasses.replace(of.model, grid=dataclasses.replace(of.model.grid, ids=shuffled)))
     cells = of.roots()
     for level in range(4):
         found = of.cells_of_ids(of.node_ids(cells))
@@ -130,31 +134,31 @@ def edged() -> Model:
 
 def test_cells_that_an_edge_cuts_keep_their_area() -> None:
     """Only quarters whose middle is in the plate are made, and share all of it; momentum is kept to round-off."""
-    of = Tree(edged())
+    of = Quadtree(edged())
     cells, random = of.roots(), np.random.default_rng(2)
     whole, v = of.area.sum(), random.normal(size=(of.count, 2))
     filled = SCHEMES["conservative"].fill(of.model_of_leaves(cells)).whole()
     state = State(np.zeros_like(v), v, v, *np.ones((3, of.count)))
     splits = of.mask_splittable(cells)
-    new, transfer = map_leaves(of, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
+    new, transfer = leaves_after_split_and_merge(of, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
     assert splits.sum() > 0.95 * of.count
     assert len(new.root_row) < 4 * of.count - 100
     assert of.areas(new).sum() == pytest.approx(whole, rel=1e-13)
     begun = interpolate_state(state, transfer, filled.bonds, np.ones(len(filled.bonds.weight), dtype=bool))
     momentum = of.areas(new) @ begun.rate
     assert momentum == pytest.approx(of.area @ v, abs=1e-14 * np.abs(of.area @ np.abs(v)).max())
-    merged, back = map_leaves(of, new, np.zeros(len(new.root_row), dtype=bool), cells.select(splits))
+    merged, back = leaves_after_split_and_merge(of, new, np.zeros(len(new.root_row), dtype=bool), cells.select(splits))
     filled = SCHEMES["conservative"].fill(of.model_of_leaves(new)).whole()
     begun = interpolate_state(begun, back, filled.bonds, np.ones(len(filled.bonds.weight), dtype=bool))
     assert np.array_equal(of.node_ids(merged), of.node_ids(cells))
     assert of.area @ begun.rate == pytest.approx(of.area @ v, abs=1e-14 * np.abs(of.area @ np.abs(v)).max())
 
 
-def split_once(of: Tree, state: State, splits: NDArray[np.bool_]) -> tuple[Cells, LeafOrigins, State]:
+def split_once(of: Quadtree, state: State, splits: NDArray[np.bool_]) -> tuple[QuadtreeCells, LeafOrigins, State]:
     """Roots of which these have split, and their state."""
     cells = of.roots()
     bonds = SCHEMES["conservative"].fill(of.model_of_leaves(cells)).whole().bonds
-    new, transfer = map_leaves(of, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
+    new, transfer = leaves_after_split_and_merge(of, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
     return new, transfer, interpolate_state(state, transfer, bonds, np.ones(len(bonds.weight), dtype=bool))
 
 
@@ -178,7 +182,7 @@ def test_linear_fields_are_split_exactly_and_energy_as_the_formula_has_it() -> N
         assert area @ getattr(begun, spent) == pytest.approx(of.area @ getattr(state, spent), rel=1e-13)
     shaken = begun._replace(rate=begun.rate + random.normal(size=begun.rate.shape))
     bonds = SCHEMES["conservative"].fill(of.model_of_leaves(new)).whole().bonds
-    merged, back = map_leaves(of, new, np.zeros(len(new.root_row), dtype=bool), of.roots())
+    merged, back = leaves_after_split_and_merge(of, new, np.zeros(len(new.root_row), dtype=bool), of.roots())
     after = interpolate_state(shaken, back, bonds, np.ones(len(bonds.weight), dtype=bool))
     apart = shaken.rate - after.rate[np.searchsorted(merged.root_row, new.root_row)]
     loss = kinetic_energy(mass, shaken.rate) - kinetic_energy(whole, after.rate)
@@ -193,7 +197,9 @@ def test_each_node_has_the_horizon_of_its_own_cell(mode: str) -> None:
     of = tree(16, 16)
     cells = of.roots()
     x, y = of.model.grid.position.T * 1e3
-    new, _ = map_leaves(of, cells, (x > 3.5) & (x < 12.5) & (y > 3.5), cells.select(np.zeros(0, dtype=np.int64)))
+    new, _ = leaves_after_split_and_merge(
+        of, cells, (x > 3.5) & (x < 12.5) & (y > 3.5), cells.select(np.zeros(0, dtype=np.int64))
+    )
     filled = SCHEMES[mode].fill(of.model_of_leaves(new)).whole()
     fine = square_grid(32, 32, 5e-4, x0=-2.5e-4, y0=-2.5e-4)
     expected = SCHEMES[mode].fill(plate(fine, 3, area_rule="square")).whole()
@@ -217,7 +223,7 @@ def test_no_bond_heals(mode: str) -> None:
         bonds = scheme.fill(of.model_of_leaves(cells)).whole().bonds
         broken = crossing(of, cells, bonds)
         splits = of.mask_splittable(cells) & (random.uniform(size=len(cells.root_row)) < 0.3)
-        new, transfer = map_leaves(of, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
+        new, transfer = leaves_after_split_and_merge(of, cells, splits, cells.select(np.zeros(0, dtype=np.int64)))
         now = scheme.fill(of.model_of_leaves(new)).whole().bonds
         before = PreviousBonds(bonds, broken)
         found = inherit_break_steps(before, now, transfer)
@@ -234,7 +240,11 @@ def test_what_has_changed_is_filled_as_all_would_be(mode: str) -> None:
     model, stiff = edged(), msgspec.structs.replace(GLASS, E=2 * GLASS.E)
     grid = dataclasses.replace(model.grid, cracks=1e-3 * np.array([[-1.0, 15.5, 6.0, 15.5]]))
     settings = msgspec.structs.replace(model.settings, regions=(Region(box=(0.0, 0.0, 4e-3, 1.0), material=stiff),))
-    of, scheme, random = Tree(replace_boxes_by_node_ids(Model(grid, settings))), SCHEMES[mode], np.random.default_rng(5)
+    of, scheme, random = (
+        Quadtree(replace_boxes_by_node_ids(Model(grid, settings))),
+        SCHEMES[mode],
+        np.random.default_rng(5),
+    )
     cells = of.roots()
     now = create_leaf_bonds(scheme.by_pairs(of.model_of_leaves(cells)))
     x, y = grid.position.T
@@ -242,7 +252,7 @@ def test_what_has_changed_is_filled_as_all_would_be(mode: str) -> None:
         close = np.hypot(x - near[0], y - near[1])[cells.root_row] < 3.1e-3
         splits = of.mask_splittable(cells) & close & (random.uniform(size=len(close)) < 0.7)
         parents = cells.select((cells.level == 1) & (cells.path == 0) & ~close).parents()
-        cells, transfer = map_leaves(of, cells, splits, parents)
+        cells, transfer = leaves_after_split_and_merge(of, cells, splits, parents)
         model = of.model_of_leaves(cells)
         rule = scheme.by_pairs(model)
         now, again = update_leaf_bonds(rule, model, now, transfer), create_leaf_bonds(rule)
@@ -255,7 +265,7 @@ def test_what_has_changed_is_filled_as_all_would_be(mode: str) -> None:
     assert transfer.is_merged.any()
 
 
-def crossing(of: Tree, cells: Cells, bonds: Any) -> NDArray[np.int32]:
+def crossing(of: Quadtree, cells: QuadtreeCells, bonds: Any) -> NDArray[np.int32]:
     """7 of bonds (b,) that cross a row's edge in the middle of the plate, 0 of others."""
     upper = of.centres(cells)[:, 1] > 9.5e-3
     source = np.repeat(np.arange(len(upper)), np.diff(bonds.start))

@@ -19,7 +19,7 @@ from pdmesh.model.document import Absorb, Acceleration, Region, Run, Split, read
 from pdmesh.model.node_grid import Grid, document_of
 from pdmesh.quantities import UNITS
 from pdsolve.__main__ import main as solve_command
-from pdsolve.adaptivity.quadtree.operator import create_tree
+from pdsolve.adaptivity.quadtree.operator import create_quadtree
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare, select_scheme
@@ -62,7 +62,7 @@ def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
     run = msgspec.structs.replace(model.settings.run, adapt="split")
     model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
     with pytest.raises(ModelError, match=words) as error:
-        _ = select_scheme(model, Options()), create_tree(model, None)
+        _ = select_scheme(model, Options()), create_quadtree(model, None)
     assert str(error.value).endswith("as run.adapt is split")
 
 

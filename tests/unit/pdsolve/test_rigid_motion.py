@@ -20,7 +20,7 @@ from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
-from pdsolve.run.reactions import compute_reactions, list_acting_conditions
+from pdsolve.run.reactions import compute_condition_forces, list_force_conditions_with_nodes
 from pdsolve.run.simulation import resume
 from pdsolve.run.system import PreparedRun
 
@@ -118,12 +118,12 @@ def test_a_held_body_keeps_its_velocity_and_its_work_is_booked() -> None:
 @pytest.mark.slow
 def test_the_reaction_of_a_rigid_body_is_its_force_on_what_it_touches() -> None:
     prepared = prepare(falling(), Options(threads=1))
-    (system, state), given = prepared, list_acting_conditions(prepared.system)
+    (system, state), given = prepared, list_force_conditions_with_nodes(prepared.system)
     assert [grip.condition_kind for grip in given] == ["rigid"]
     rows, pushed, before = system.model.grid.bodies.number == 1, 0.0, -V  # type: ignore[union-attr]
     for step in range(1, 301):
         prepared.advance(step, step + 1)
-        (found,) = compute_reactions(given, system, state, step, step * system.time_step)
+        (found,) = compute_condition_forces(given, system, state, step, step * system.time_step)
         pushed -= found.force_y * system.time_step
     # the last velocity holds half of the last force
     assert pushed == pytest.approx(MASS * (state.rate[rows, 1].mean() - before), rel=1e-12)

@@ -21,7 +21,7 @@ from pdmesh.model.document import Run
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Breaks, Results, ResultsError
 from pdsolve.run.estimate import estimate_run
-from pdsolve.run.measures import CRACKED, compute_node_damage, count_pieces
+from pdsolve.run.measures import CRACKED, compute_node_damage, count_fragments
 from pdsolve.run.recorder import list_breaks_since, restore_state
 from pdsolve.run.simulation import Options, Progress, UnstableError, prepare, resume, simulate
 
@@ -222,7 +222,7 @@ def test_pieces_are_not_joined_by_cracked_nodes(kernel: str) -> None:
     source, target = np.repeat(np.arange(len(column)), np.diff(bonds.start)), bonds.neighbour
     between = np.abs(column - 10) <= 1
     inside = between[source] & between[target]
-    assert count_pieces(problem.system) == 1
+    assert count_fragments(problem.system) == 1
     ids = problem.system.model.grid.ids
     broke = Breaks(np.ones(inside.sum(), dtype=np.int64), ids[source[inside]], ids[target[inside]])
     restore_state(*problem, 1, kept(problem), broke)
@@ -230,7 +230,7 @@ def test_pieces_are_not_joined_by_cracked_nodes(kernel: str) -> None:
     assert compute_node_damage(problem.system)[~between].max() == 0
     for side in (column < 9, column > 11):
         assert (between[source] & side[target]).sum() > 100
-    assert count_pieces(problem.system) == 2
+    assert count_fragments(problem.system) == 2
 
 
 def test_a_run_stops_when_nothing_breaks_any_more(small_plate: Model) -> None:

@@ -21,23 +21,23 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.tile_bonds import INVERSE
 from pdsolve.lattice.tiles import VOLUME, Tiles, pair_number, stiffness
 from pdsolve.numerics.memory import aligned
-from pdsolve.zone.bond_parts import WORD, BondParts, lowest_cell_around, next_piece
+from pdsolve.zone.bond_parts import WORD, BondPartsInCells, lowest_cell_around, next_parts_outside_coarse_cells
 from pdsolve.zone.cells import (
     COARSE,
     FREE,
     VOID,
     ZoneNumbering,
-    along_each_axis,
     cell_at,
     cell_corner,
-    coordinates,
-    count_cells_around,
+    corner_number_in_cell,
+    count_cells_of_kind_around,
     fine_node_kind,
     floor_divide,
+    lattice_coordinates,
     neighbour,
-    place_at,
-    position_in_cell,
+    place_number_at,
     scale_coordinates,
+    vectorize_over_axes,
 )
 
 PARTS = 8  # of a bond, more than there are
@@ -45,7 +45,7 @@ BLOCK = 8  # spacings along a side of what is numbered together
 ENDS = 4  # coarse nodes that an end moves with, at most
 
 
-class PartEnds(NamedTuple):
+class BondPartEnds(NamedTuple):
     """Where the p parts of bonds begin and end, in whole multiples of h / unit."""
 
     position: NDArray[np.int64]  # (p, 2, 3) from the corner of the node's cell
@@ -53,11 +53,11 @@ class PartEnds(NamedTuple):
     units_per_spacing: int
 
 
-def locate_part_ends(bond_parts: BondParts, reach: int) -> PartEnds:
+def locate_bond_part_ends(bond_parts: BondPartsInCells, reach: int) -> BondPartEnds:
     """The ends of the parts of bonds that reach so many spacings along an axis."""
     unit = lcm(*range(1, reach + 1))
     position = np.rint(2 * unit * (bond_parts.end_cells + bond_parts.end_shares_of_cell)).astype(np.int64)
-    return PartEnds(position, (position % unit == 0).all(axis=2), unit)
+    return BondPartEnds(position, (position % unit == 0).all(axis=2), unit)
 
 
 class FineLattice(NamedTuple):
@@ -65,9 +65,9 @@ class FineLattice(NamedTuple):
 
     numbering: ZoneNumbering
     tiles: Tiles  # with all bonds that are intact, those in coarse cells too
-    bond_parts: BondParts  # of the upper half of the offsets
+    bond_parts: BondPartsInCells  # of the upper half of the offsets
     passed_cell_bits: NDArray[np.uint64]  # (8, k, w) bits of the cells that a bond passes, on any side
-    part_ends: PartEnds
+    part_ends: BondPartEnds
     reach: int  # spacings, along an axis
     node_volume: float  # h^3, m^3
     limit_strain_ratio_of_pair: NDArray[
@@ -77,23 +77,23 @@ class FineLattice(NamedTuple):
     distinct_piece_xi: NDArray[np.float64]  # (g, 4) xi, m, from the near end to the far one, and 1 / |xi|^2
 
 
-class ClippedPiece(Record):
+class ClippedBondPiece(Record):
     """A piece of a clipped bond; pieces are in the order of their near ends, then of their owners."""
 
     owner_site: int  # of the bond's lower node
-    piece_kind: int  # alike for pieces with the same xi; see `number_and_list_piece_vectors`
+    piece_kind: int  # alike for pieces with the same xi; see `list_distinct_bond_piece_vectors`
     near_end_place: int  # the place of one end, a node if one is; see `_blockwise_place_number`
     far_end_place: int  # of the other end
     stiffness: float  # N/m
     limit_strain_ratio: float  # least e at which bonds break over that of its own; 0 if it never breaks
 
 
-class PiecePoints(NamedTuple):
+class BondPieceEndPoints(NamedTuple):
     """The q places at which pieces end, in the order in which pieces name them: nodes, or places on the border."""
 
-    carrier_count: NDArray[np.int64]  # (q,) nodes that move it
-    carriers: NDArray[np.int32]  # (q, 4) their fine sites, or their rows
-    carrier_weights: NDArray[np.float64]  # (q, 4) their weights
+    interpolation_node_count: NDArray[np.int64]  # (q,) nodes that move it
+    interpolation_nodes: NDArray[np.int32]  # (q, 4) their fine sites, or their rows
+    interpolation_weights: NDArray[np.float64]  # (q, 4) their weights
 
 
 @cached_njit(error_model="numpy")
@@ -102,13 +102,15 @@ def set_node_kinds(numbering, node_at_site, cells, sites, node_kinds, has_coarse
     for site in sites:
         if node_at_site[site] < 0:
             continue
-        x = coordinates(numbering.fine, site)
+        x = lattice_coordinates(numbering.fine, site)
         node_kinds[site] = fine_node_kind(numbering, cells, x)
-        has_coarse_node[site] = position_in_cell(x) == 0 and count_cells_around(numbering, cells, x, COARSE) > 0
+        has_coarse_node[site] = (
+            corner_number_in_cell(x) == 0 and count_cells_of_kind_around(numbering, cells, x, COARSE) > 0
+        )
 
 
 @njit(**INNER)
-def _fill_bits_of_surrounding_cells(numbering, cells, bond_parts, x, coarse, fine):  # type: ignore[no-untyped-def]
+def _fill_bit_masks_of_coarse_and_fine_cells_around(numbering, cells, bond_parts, x, coarse, fine):  # type: ignore[no-untyped-def]
     """Fill the bits (w,) of the `coarse` and the `fine` ones of the cells around a fine node; whether there are any."""
     some_coarse = some_fine = False
     coarse[:] = fine[:] = 0
@@ -119,7 +121,7 @@ def _fill_bits_of_surrounding_cells(numbering, cells, bond_parts, x, coarse, fin
     number = 0
     for cz in range(low, low + wide):
         for cy in range(front, front + wide):
-            row = place_at(numbering.cells, (left_side, cy, cz))
+            row = place_number_at(numbering.cells, (left_side, cy, cz))
             for kind in cells[row : row + wide]:
                 if kind != VOID:
                     word, bit = number // WORD, np.uint64(1) << np.uint64(number % WORD)
@@ -143,7 +145,7 @@ def _have_common_bit(bits_a, bits_b):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def store_bond_bits_and_pieces(fine, cells, bits, sites, pieces):  # type: ignore[no-untyped-def]
+def mark_whole_bonds_and_list_bond_pieces(fine, cells, bits, sites, pieces):  # type: ignore[no-untyped-def]
     """Set the bits of the whole bonds of nodes at the sites `sites`, which are in order, and list their pieces.
 
     Bonds are those of which a node is the lower end. Returns the number of pieces; those for which there is no room are
@@ -154,13 +156,13 @@ def store_bond_bits_and_pieces(fine, cells, bits, sites, pieces):  # type: ignor
     for site in sites:
         if tiles.node[site] < 0:
             continue
-        x = coordinates(numbering.fine, site)
-        some_coarse, some_fine = _fill_bits_of_surrounding_cells(
+        x = lattice_coordinates(numbering.fine, site)
+        some_coarse, some_fine = _fill_bit_masks_of_coarse_and_fine_cells_around(
             numbering, cells, fine.bond_parts, x, coarse_bits, fine_bits
         )
         if not some_fine:
             continue
-        tile, lane, place = site // ROW, np.uint16(site % ROW), position_in_cell(x)
+        tile, lane, place = site // ROW, np.uint16(site % ROW), corner_number_in_cell(x)
         for k in range(half):
             slot, passed = half + k, fine.passed_cell_bits[place, k]
             if not (tiles.bits[tile, slot] >> lane) & np.uint16(1):
@@ -169,7 +171,7 @@ def store_bond_bits_and_pieces(fine, cells, bits, sites, pieces):  # type: ignor
                 if not (bits[tile, slot] >> lane) & np.uint16(1):
                     _set_bond_bits(bits, site, site + tiles.offsets[slot], slot)
             elif _have_common_bit(passed, fine_bits):
-                count = _append_pieces(fine, cells, site, x, k, coarse_bits, fine_bits, pieces, count)
+                count = _append_bond_pieces(fine, cells, site, x, k, coarse_bits, fine_bits, pieces, count)
     return count
 
 
@@ -181,30 +183,34 @@ def _set_bond_bits(bits, site, target, slot):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _append_pieces(fine, cells, site, x, k, coarse_bits, fine_bits, pieces, count):  # type: ignore[no-untyped-def]
+def _append_bond_pieces(fine, cells, site, x, k, coarse_bits, fine_bits, pieces, count):  # type: ignore[no-untyped-def]
     """List the pieces of bond k of the node x (3,) in all cells but coarse ones; returns how many there are then."""
-    parts, bounds, sides = fine.bond_parts, fine.bond_parts.part_bounds_of_sides[position_in_cell(x), k], 0
-    side_bits = parts.side_cell_bits[position_in_cell(x), k]
+    parts, bounds, sides = fine.bond_parts, fine.bond_parts.part_bounds_of_sides[corner_number_in_cell(x), k], 0
+    side_bits = parts.side_cell_bits[corner_number_in_cell(x), k]
     for side in range(len(side_bits)):
         sides += _have_common_bit(side_bits[side], coarse_bits) or _have_common_bit(side_bits[side], fine_bits)
     for side in range(len(side_bits)):
         if not (_have_common_bit(side_bits[side], coarse_bits) or _have_common_bit(side_bits[side], fine_bits)):
             continue
-        begin, end = next_piece(fine.numbering.cells, cells, parts, x, bounds[side], bounds[side + 1], True)
+        begin, end = next_parts_outside_coarse_cells(
+            fine.numbering.cells, cells, parts, x, bounds[side], bounds[side + 1], True
+        )
         while begin < end:
             if count < len(pieces):
-                _set_piece(fine, site, x, k, begin, end - 1, sides, pieces[count])
+                _set_bond_piece(fine, site, x, k, begin, end - 1, sides, pieces[count])
             count += 1
-            begin, end = next_piece(fine.numbering.cells, cells, parts, x, end, bounds[side + 1], True)
+            begin, end = next_parts_outside_coarse_cells(
+                fine.numbering.cells, cells, parts, x, end, bounds[side + 1], True
+            )
     return count
 
 
 @njit(**INNER)
-def _set_piece(fine, site, x, k, first, last, sides, piece):  # type: ignore[no-untyped-def]
+def _set_bond_piece(fine, site, x, k, first, last, sides, piece):  # type: ignore[no-untyped-def]
     """Set the piece of bond k of the node x (3,) from its part `first` to `last`, on one of so many sides."""
     tiles, at_node, slot = fine.tiles, fine.part_ends.is_at_node, len(fine.tiles.offsets) // 2 + k
     length = fine.bond_parts.begin_and_end_shares[last, 1] - fine.bond_parts.begin_and_end_shares[first, 0]
-    near, far = _part_end_place(fine, x, first, 0), _part_end_place(fine, x, last, 1)
+    near, far = _place_of_bond_part_end(fine, x, first, 0), _place_of_bond_part_end(fine, x, last, 1)
     back = at_node[last, 1] and not at_node[first, 0]
     piece.owner_site, piece.piece_kind = site, 2 * (first * PARTS + last - first) + back
     piece.near_end_place, piece.far_end_place = (far, near) if back else (near, far)
@@ -224,11 +230,11 @@ def _bond_stiffness(fine, site, slot):  # type: ignore[no-untyped-def]
 
 
 # Where a part of a bond of fine node x begins or ends, h / unit: `at` (3,) from the corner of the node's cell
-_place_in_units = along_each_axis(lambda along, axis, at, unit: unit * (along - along % 2) + at[axis])
+_place_in_units = vectorize_over_axes(lambda along, axis, at, unit: unit * (along - along % 2) + at[axis])
 
 
 @njit(**INNER)
-def _part_end_place(fine, x, part, side):  # type: ignore[no-untyped-def]
+def _place_of_bond_part_end(fine, x, part, side):  # type: ignore[no-untyped-def]
     """The place where a part of a bond of the node x (3,) begins, 0, or ends, 1."""
     ends, unit = fine.part_ends, fine.part_ends.units_per_spacing
     return _blockwise_place_number(fine.numbering, unit, _place_in_units(x, ends.position[part, side], unit))
@@ -244,7 +250,7 @@ def _blockwise_place_number(numbering, unit, x):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def coordinates_of_place(numbering, unit, place):  # type: ignore[no-untyped-def]
+def coordinates_of_blockwise_place_number(numbering, unit, place):  # type: ignore[no-untyped-def]
     """The place (x, y, z) in h / unit of a number."""
     side = BLOCK * unit
     across, along = numbering.fine.counts[0] // BLOCK + 1, numbering.fine.counts[1] // BLOCK + 1
@@ -257,7 +263,7 @@ def coordinates_of_place(numbering, unit, place):  # type: ignore[no-untyped-def
 
 
 @cached_njit(error_model="numpy")
-def merge_pieces_into(old, is_owner_stale, new, order, merged):  # type: ignore[no-untyped-def]
+def merge_bond_pieces_by_near_end(old, is_owner_stale, new, order, merged):  # type: ignore[no-untyped-def]
     """Fill what is `merged` with the old pieces whose owners are not `is_owner_stale` (sites,) and with those `new`, in
     the `order` (q,) of their near ends."""
     at, n = 0, 0
@@ -279,34 +285,36 @@ def merge_pieces_into(old, is_owner_stale, new, order, merged):  # type: ignore[
 
 
 @cached_njit(error_model="numpy")
-def fill_piece_point_carriers(fine, node_kinds, places, points):  # type: ignore[no-untyped-def]
+def fill_piece_end_interpolation_nodes(fine, node_kinds, places, points):  # type: ignore[no-untyped-def]
     """Fill in what moves the `places` (q,)."""
     numbering, unit = fine.numbering, fine.part_ends.units_per_spacing
     for n in range(len(places)):
-        x = coordinates_of_place(numbering, unit, places[n])
-        sites, w = points.carriers[n], points.carrier_weights[n]
-        node, at_node = place_at(numbering.fine, floor_divide(x, unit)), True
+        x = coordinates_of_blockwise_place_number(numbering, unit, places[n])
+        sites, w = points.interpolation_nodes[n], points.interpolation_weights[n]
+        node, at_node = place_number_at(numbering.fine, floor_divide(x, unit)), True
         for axis in range(3):
             at_node &= x[axis] % unit == 0
         if at_node and node_kinds[node] == FREE:
-            _set_node_as_carrier(node, sites, w)
+            _set_node_as_only_interpolation_node(node, sites, w)
         else:
             _fill_coarse_interpolation_weights(numbering, x, 2 * unit, sites, w)
-        points.carrier_count[n] = 0
+        points.interpolation_node_count[n] = 0
         for m in range(ENDS):
-            points.carrier_count[n] += w[m] > 0
+            points.interpolation_node_count[n] += w[m] > 0
 
 
-def create_piece_end_points(fine: FineLattice, node_kinds: NDArray[np.uint8], places: NDArray[np.int64]) -> PiecePoints:
+def create_bond_piece_end_points(
+    fine: FineLattice, node_kinds: NDArray[np.uint8], places: NDArray[np.int64]
+) -> BondPieceEndPoints:
     """The points at these places (q,); `node_kinds` is of fine nodes."""
     count = len(places)
-    points = PiecePoints(np.zeros(count, np.int64), np.zeros((count, ENDS), np.int32), np.zeros((count, ENDS)))
-    fill_piece_point_carriers(fine, node_kinds, places, points)
+    points = BondPieceEndPoints(np.zeros(count, np.int64), np.zeros((count, ENDS), np.int32), np.zeros((count, ENDS)))
+    fill_piece_end_interpolation_nodes(fine, node_kinds, places, points)
     return points
 
 
-def number_and_list_piece_vectors(
-    bond_parts: BondParts, table: NDArray[np.floating], h: float
+def list_distinct_bond_piece_vectors(
+    bond_parts: BondPartsInCells, table: NDArray[np.floating], h: float
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
     """The direction (q,) of each kind of pieces, and the xi, m, and 1 / |xi|^2 of each direction (g, 4).
 
@@ -330,7 +338,7 @@ def number_and_list_piece_vectors(
 
 
 @njit(**INNER)
-def _set_node_as_carrier(node, sites, w):  # type: ignore[no-untyped-def]
+def _set_node_as_only_interpolation_node(node, sites, w):  # type: ignore[no-untyped-def]
     """Fill the sites and weights (4,) of a node."""
     for n in range(ENDS):
         sites[n], w[n] = node, 0.0
@@ -348,34 +356,37 @@ def _fill_coarse_interpolation_weights(numbering, x, cell_size, sites, w):  # ty
             along = x[axis] % cell_size / cell_size
             share *= along if number >> axis & 1 else 1 - along
         if share > 0 and count < ENDS:
-            sites[count], w[count] = place_at(numbering.fine, scale_coordinates(cell_corner(cell, number), 2)), share
+            sites[count], w[count] = (
+                place_number_at(numbering.fine, scale_coordinates(cell_corner(cell, number), 2)),
+                share,
+            )
             count += 1
     for n in range(count, ENDS):
         sites[n], w[n] = sites[0], 0.0
 
 
 @cached_njit(error_model="numpy")
-def fill_border_carriers(numbering, border_sites, sites, w):  # type: ignore[no-untyped-def]
+def fill_border_interpolation_nodes(numbering, border_sites, sites, w):  # type: ignore[no-untyped-def]
     """Fill the sites and weights (b, 4) by which fine nodes on the border, at the sites `border_sites` (b,), move."""
     for n in range(len(border_sites)):
-        x = coordinates(numbering.fine, border_sites[n])
+        x = lattice_coordinates(numbering.fine, border_sites[n])
         _fill_coarse_interpolation_weights(numbering, x, 2, sites[n], w[n])
 
 
 @cached_njit(error_model="numpy")
-def gather_fine_values_to_coarse(fine, node_kinds, coarse_sites, fine_values, coarse_values):  # type: ignore[no-untyped-def]
+def lump_fine_values_to_coarse_nodes(fine, node_kinds, coarse_sites, fine_values, coarse_values):  # type: ignore[no-untyped-def]
     """Set `coarse_values` (k,) of coarse nodes at the fine sites `coarse_sites` to their shares of the `fine_values`
     (sites,) of all fine nodes that are not free."""
     numbering, tiles = fine.numbering, fine.tiles
     for n in range(len(coarse_sites)):
-        x = coordinates(numbering.fine, coarse_sites[n])
+        x = lattice_coordinates(numbering.fine, coarse_sites[n])
         coarse_values[n] = 0.0
         for number in range(3 ** len(x)):
             near, share, inside = neighbour(x, 1, number), 1.0, True
             for axis in range(len(x)):
                 inside &= 0 <= near[axis] < numbering.fine.counts[axis]
                 share *= 1.0 if near[axis] == x[axis] else 0.5
-            site = place_at(numbering.fine, near) if inside else -1
+            site = place_number_at(numbering.fine, near) if inside else -1
             if inside and tiles.node[site] >= 0 and node_kinds[site] != FREE:
                 coarse_values[n] += share * fine_values[site]
 
@@ -388,13 +399,13 @@ def interpolate_at_fine_sites(numbering, row_at_site, node_values, fine_sites, f
     have the mean of the coarse nodes that they lie between.
     """
     for n in range(len(fine_sites)):
-        x, row, share = coordinates(numbering.fine, fine_sites[n]), row_at_site[fine_sites[n]], 1.0
+        x, row, share = lattice_coordinates(numbering.fine, fine_sites[n]), row_at_site[fine_sites[n]], 1.0
         for axis in range(3):
             fine_values[n, axis] = node_values[row, axis] if row >= 0 else 0.0
             share /= 1 + (x[axis] & 1)
         for number in range(1 << len(x)):
-            if row < 0 and number & ~position_in_cell(x) == 0:
-                end = place_at(numbering.fine, scale_coordinates(cell_corner(cell_at(x), number), 2))
+            if row < 0 and number & ~corner_number_in_cell(x) == 0:
+                end = place_number_at(numbering.fine, scale_coordinates(cell_corner(cell_at(x), number), 2))
                 for axis in range(3):
                     fine_values[n, axis] += node_values[row_at_site[end], axis] * share
 

@@ -29,7 +29,7 @@ _FIRST, _LAST = (0, 1, 8, 9, 4, 5, 12, 13), (2, 3, 10, 11, 6, 7, 14, 15)
 
 
 @intrinsic
-def add_pieces(typingctx, u, force, xi, far_points, row, k, limit_ratio, largest, at, near_point):  # type: ignore[no-untyped-def]
+def add_forces_of_eight_bond_pieces(typingctx, u, force, xi, far_points, row, k, limit_ratio, largest, at, near_point):  # type: ignore[no-untyped-def]
     """Add the forces of eight pieces on their ends."""
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
@@ -46,40 +46,40 @@ def _add(builder: ir.IRBuilder, data: list[Any], at: Any, near_point: Any) -> No
     others = [_load_integer(builder, far_points, at, n) for n in range(TOGETHER)]
     near_u = _load(builder, where, builder.mul(near_point, INT(_ACROSS)), _ROW)
     far_u = _columns(builder, [_load(builder, where, builder.mul(j, INT(_ACROSS)), _ROW) for j in others])
-    eta = [builder.fsub(far_off, _broadcast_entry(builder, near_u, axis)) for axis, far_off in enumerate(far_u[:3])]
+    eta = [builder.fsub(far_off, _emit_broadcast(builder, near_u, axis)) for axis, far_off in enumerate(far_u[:3])]
     of = (builder.mul(_load_integer(builder, row, at, n), INT(_ACROSS)) for n in range(TOGETHER))
     *reference, inverse = _columns(builder, [_load(builder, ways, row_start, _ROW) for row_start in of])
-    e = _constant_vector(0.0)
+    e = _llvm_constant_vector(0.0)
     for x, y in zip(reference, eta, strict=True):
-        e = _fma(builder, _fma(builder, _constant_vector(2.0), x, y), y, e)
+        e = _emit_fused_multiply_add(builder, _emit_fused_multiply_add(builder, _llvm_constant_vector(2.0), x, y), y, e)
     e = builder.fmul(inverse, e)
     risk, before = builder.fmul(_load(builder, limit_ratio, at, _ROWS), e), _load(builder, largest, INT(0), _ROWS)
-    _store(builder, call(builder, "maxnum", before, risk), largest, INT(0))
+    _emit_vector_store(builder, call(builder, "maxnum", before, risk), largest, INT(0))
     pull = builder.fmul(_load(builder, k, at, _ROWS), builder.fmul(e, _emit_secant_factor(builder, e)))
     on = [builder.fmul(pull, builder.fadd(x, y)) for x, y in zip(reference, eta, strict=True)]
-    forces = _rows(builder, [*on, _constant_vector(0.0)])
+    forces = _rows(builder, [*on, _llvm_constant_vector(0.0)])
     for j, force_row in zip(others, forces, strict=True):
         place = builder.mul(j, INT(_ACROSS))
-        _store(builder, builder.fsub(_load(builder, force, place, _ROW), force_row), force, place)
+        _emit_vector_store(builder, builder.fsub(_load(builder, force, place, _ROW), force_row), force, place)
     while len(forces) > 1:
         forces = [builder.fadd(*forces[n : n + 2]) for n in range(0, len(forces), 2)]
     place = builder.mul(near_point, INT(_ACROSS))
-    _store(builder, builder.fadd(_load(builder, force, place, _ROW), forces[0]), force, place)
+    _emit_vector_store(builder, builder.fadd(_load(builder, force, place, _ROW), forces[0]), force, place)
 
 
 def _emit_secant_factor(builder: ir.IRBuilder, e: Any) -> Any:
     """1 / (1 + e + sqrt(1 + e)), by a polynomial where that holds."""
     began, (exact, done) = builder.block, (builder.function.append_basic_block(name) for name in ("exact", "done"))
     factors = coefficients("float64")[0]
-    inner = _constant_vector(factors[-1])
+    inner = _llvm_constant_vector(factors[-1])
     for factor in factors[-2::-1]:
-        inner = _fma(builder, inner, e, _constant_vector(factor))
-    beyond = builder.fcmp_unordered(">", call(builder, "fabs", e), _constant_vector(NARROW))
+        inner = _emit_fused_multiply_add(builder, inner, e, _llvm_constant_vector(factor))
+    beyond = builder.fcmp_unordered(">", call(builder, "fabs", e), _llvm_constant_vector(NARROW))
     bits = ir.IntType(TOGETHER)
     builder.cbranch(builder.icmp_unsigned("!=", builder.bitcast(beyond, bits), bits(0)), exact, done)
     builder.position_at_end(exact)
-    q2 = builder.fadd(_constant_vector(1.0), e)
-    root = builder.fdiv(_constant_vector(1.0), builder.fadd(q2, call(builder, "sqrt", q2)))
+    q2 = builder.fadd(_llvm_constant_vector(1.0), e)
+    root = builder.fdiv(_llvm_constant_vector(1.0), builder.fadd(q2, call(builder, "sqrt", q2)))
     outer = builder.select(beyond, root, inner)
     builder.branch(done)
     builder.position_at_end(done)
@@ -92,9 +92,9 @@ def _emit_secant_factor(builder: ir.IRBuilder, e: Any) -> Any:
 def _columns(builder: ir.IRBuilder, rows: list[Any]) -> list[Any]:
     """The four columns of eight rows."""
     every = tuple(range(TOGETHER))
-    a, b, c, d = (_shuffle(builder, rows[n], rows[n + _ACROSS], every) for n in range(_ACROSS))
+    a, b, c, d = (_emit_shuffle(builder, rows[n], rows[n + _ACROSS], every) for n in range(_ACROSS))
     return [
-        _shuffle(builder, _shuffle(builder, a, b, pairs), _shuffle(builder, c, d, pairs), halves)
+        _emit_shuffle(builder, _emit_shuffle(builder, a, b, pairs), _emit_shuffle(builder, c, d, pairs), halves)
         for halves in (_FIRST, _LAST)
         for pairs in (_EVEN, _ODD)
     ]
@@ -105,30 +105,30 @@ def _rows(builder: ir.IRBuilder, columns: list[Any]) -> list[Any]:
     x, y, z, w = columns
     row_pairs = []
     for halves in (_FIRST, _LAST):
-        xz, yw = _shuffle(builder, x, z, halves), _shuffle(builder, y, w, halves)
-        row_pairs += [_shuffle(builder, xz, yw, pairs) for pairs in (_EVEN, _ODD)]
+        xz, yw = _emit_shuffle(builder, x, z, halves), _emit_shuffle(builder, y, w, halves)
+        row_pairs += [_emit_shuffle(builder, xz, yw, pairs) for pairs in (_EVEN, _ODD)]
     nothing = ir.Constant(_ROWS, ir.Undefined)
     return [
-        _shuffle(builder, row_pair, nothing, tuple(range(first, first + _ACROSS)))
+        _emit_shuffle(builder, row_pair, nothing, tuple(range(first, first + _ACROSS)))
         for first in (0, _ACROSS)
         for row_pair in row_pairs
     ]
 
 
-def _shuffle(builder: ir.IRBuilder, first: Any, second: Any, lanes: tuple[int, ...]) -> Any:
+def _emit_shuffle(builder: ir.IRBuilder, first: Any, second: Any, lanes: tuple[int, ...]) -> Any:
     return builder.shuffle_vector(first, second, ir.Constant(ir.VectorType(_ID, len(lanes)), list(lanes)))
 
 
-def _broadcast_entry(builder: ir.IRBuilder, row: Any, entry: int) -> Any:
+def _emit_broadcast(builder: ir.IRBuilder, row: Any, entry: int) -> Any:
     """An entry of a row in all eight."""
-    return _shuffle(builder, row, ir.Constant(_ROW, ir.Undefined), (entry,) * TOGETHER)
+    return _emit_shuffle(builder, row, ir.Constant(_ROW, ir.Undefined), (entry,) * TOGETHER)
 
 
-def _constant_vector(number: float) -> Any:
+def _llvm_constant_vector(number: float) -> Any:
     return ir.Constant(_ROWS, [number] * TOGETHER)
 
 
-def _fma(builder: ir.IRBuilder, a: Any, b: Any, c: Any) -> Any:
+def _emit_fused_multiply_add(builder: ir.IRBuilder, a: Any, b: Any, c: Any) -> Any:
     return call(builder, "fmuladd", a, b, c)
 
 
@@ -142,5 +142,5 @@ def _load(builder: ir.IRBuilder, data: Any, at: Any, kind: Any) -> Any:
     return value
 
 
-def _store(builder: ir.IRBuilder, value: Any, data: Any, at: Any) -> None:
+def _emit_vector_store(builder: ir.IRBuilder, value: Any, data: Any, at: Any) -> None:
     builder.store(value, builder.bitcast(builder.gep(data, [at]), value.type.as_pointer())).align = 8

@@ -31,9 +31,9 @@ from pdsolve.numerics.memory import aligned
 from pdsolve.zone.cells import (
     COARSE,
     LatticeNumbering,
-    along_each_axis,
-    place_at,
+    place_number_at,
     place_on_finer_lattice,
+    vectorize_over_axes,
 )
 
 
@@ -106,7 +106,7 @@ def create_spring_tiles(law: Law, sites: Sites, stiffness: NDArray[np.float64]) 
 
 
 # Cell 0 to 2^d - 1 of those that the spring `step` from coarse node x lies in or beside; some are the same
-_cell_beside_spring = along_each_axis(
+_cell_beside_spring = vectorize_over_axes(
     lambda along, axis, step, number: along + (min(step[axis], 0) if step[axis] else (number >> axis & 1) - 1)
 )
 
@@ -116,12 +116,12 @@ def set_coarse_springs(numbering, cells, cell_moduli, spring_offsets, coarse_nod
     """Set the springs of the coarse nodes (k, 3) in `coarse_nodes`; `cell_moduli` (c,) is that of cells."""
     for n in range(len(coarse_nodes)):
         x = coarse_nodes[n, 0], coarse_nodes[n, 1], coarse_nodes[n, 2]
-        site = place_at(numbering.coarse, x)
+        site = place_number_at(numbering.coarse, x)
         tile, lane = site // ROW, site % ROW
         for slot in range(len(spring_offsets)):
             total_modulus = 0.0
             for number in range(1 << len(x)):
-                cell = place_at(numbering.cells, _cell_beside_spring(x, spring_offsets[slot], number))
+                cell = place_number_at(numbering.cells, _cell_beside_spring(x, spring_offsets[slot], number))
                 total_modulus += cell_moduli[cell] if cells[cell] == COARSE else 0.0
             share, bit = total_modulus / (1 << len(x)), np.uint16(1) << np.uint16(lane)
             tiles.share[tile, slot, lane] = share
@@ -129,11 +129,11 @@ def set_coarse_springs(numbering, cells, cell_moduli, spring_offsets, coarse_nod
                 tiles.bits[tile, slot] |= bit
             else:
                 tiles.bits[tile, slot] &= ~bit
-        tiles.kind[tile] = _classify_tile(tiles, tile)
+        tiles.kind[tile] = _tile_stiffness_kind(tiles, tile)
 
 
 @cached_njit(error_model="numpy")
-def _classify_tile(tiles, tile):  # type: ignore[no-untyped-def]
+def _tile_stiffness_kind(tiles, tile):  # type: ignore[no-untyped-def]
     """What the stiffnesses of a tile are made of."""
     kind = EMPTY
     for slot in range(len(tiles.offsets)):
@@ -174,7 +174,7 @@ def _spring_double_green_strain(tiles, u, site, slot):  # type: ignore[no-untype
 
 
 @cached_njit(error_model="numpy")
-def list_stretched_nodes(numbering, tiles, unbreakable, u, refinement_stretch, stretched_sites):  # type: ignore[no-untyped-def]
+def list_nodes_with_stretched_springs(numbering, tiles, unbreakable, u, refinement_stretch, stretched_sites):  # type: ignore[no-untyped-def]
     """List the fine sites of coarse nodes with a spring stretched beyond `refinement_stretch` (sites,) at one of its
     ends; returns how many there are.
 

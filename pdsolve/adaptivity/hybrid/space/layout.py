@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs
-from pdsolve.adaptivity.hybrid.space.arrangement import ClippedPiece, FineLattice
+from pdsolve.adaptivity.hybrid.space.arrangement import ClippedBondPiece, FineLattice
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
@@ -16,7 +16,7 @@ from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tiles import Breaks, Tiles, room_for
 from pdsolve.model import Model
 from pdsolve.numerics.memory import aligned
-from pdsolve.zone.cells import FINE, ZoneNumbering, coordinates
+from pdsolve.zone.cells import FINE, ZoneNumbering, lattice_coordinates
 
 ROOM = 16  # pieces of a node, about
 
@@ -44,7 +44,7 @@ class BodyZone(NamedTuple):
     has_coarse_node: NDArray[np.bool_]  # (sites,) whether a coarse node is there
     fine_tiles: Tiles  # of bonds whole in fine cells
     coarse_springs: Tiles  # of coarse cells
-    clipped_pieces: NDArray[ClippedPiece]
+    clipped_pieces: NDArray[ClippedBondPiece]
     fine_u: NDArray[np.float64]  # (3, m) displacements of fine sites, m
     coarse_u: NDArray[np.float64]
 
@@ -72,8 +72,8 @@ class SpringNetwork(NamedTuple):
     """What springs there are between n nodes, for a tangent."""
 
     node_volume: NDArray[np.float64]  # (n,) m^3
-    border_carriers: Ends  # rows and weights of the nodes that move fine nodes on the border
-    point_carriers: Ends  # likewise of the points at which pieces end
+    border_interpolation_nodes: Ends  # rows and weights of the nodes that move fine nodes on the border
+    piece_end_interpolation_nodes: Ends  # likewise of the points at which pieces end
     piece_end_points: NDArray[np.int32]  # (p, 2) points of pieces
     fine_bonds: Bonds  # of fine nodes: tiles, sites of points, points, what densities are of, and whether shares count
     coarse_springs: Bonds
@@ -110,7 +110,7 @@ def _mark_sites_near_cells(new_cells, reach, reach_above, marked):  # type: igno
                 marked[dz, dy, max(x - reach, 0) : x + reach + 3] = True
 
 
-def corners_of_cells(new_cells: NDArray[np.int64]) -> NDArray[np.int64]:
+def coarse_nodes_at_cell_corners(new_cells: NDArray[np.int64]) -> NDArray[np.int64]:
     """The coarse nodes (k, 3) at the corners of cells (j, 3), each once."""
     return np.unique((new_cells[:, None] + np.array(list(np.ndindex(2, 2, 2)))).reshape(-1, 3), axis=0)
 
@@ -132,18 +132,26 @@ def zone_after_refinement(full_body: FullBody, zone: BodyZone, new_cells: NDArra
         numbering, fine.tiles.node, zone.cell_kinds, dirty, zone.node_kinds, zone.has_coarse_node
     )
     zone = zone._replace(fine_tiles=_copy_tiles(zone.fine_tiles), coarse_springs=_copy_tiles(zone.coarse_springs))
-    new_pieces = np.empty(2 * len(zone.clipped_pieces) + ROOM * len(dirty), ClippedPiece.fields())
-    count = arrangement.store_bond_bits_and_pieces(fine, zone.cell_kinds, zone.fine_tiles.bits, dirty, new_pieces)
+    new_pieces = np.empty(2 * len(zone.clipped_pieces) + ROOM * len(dirty), ClippedBondPiece.fields())
+    count = arrangement.mark_whole_bonds_and_list_bond_pieces(
+        fine, zone.cell_kinds, zone.fine_tiles.bits, dirty, new_pieces
+    )
     if count > len(new_pieces):
-        new_pieces = np.empty(count, ClippedPiece.fields())
-        arrangement.store_bond_bits_and_pieces(fine, zone.cell_kinds, zone.fine_tiles.bits, dirty, new_pieces)
+        new_pieces = np.empty(count, ClippedBondPiece.fields())
+        arrangement.mark_whole_bonds_and_list_bond_pieces(
+            fine, zone.cell_kinds, zone.fine_tiles.bits, dirty, new_pieces
+        )
     stale = np.zeros(len(zone.node_kinds), dtype=bool)
     stale[dirty] = True
     old, new_pieces = zone.clipped_pieces, new_pieces[:count]
-    ordered = np.empty(len(old) - np.count_nonzero(stale[old["owner_site"]]) + count, ClippedPiece.fields())
+    ordered = np.empty(len(old) - np.count_nonzero(stale[old["owner_site"]]) + count, ClippedBondPiece.fields())
     order = np.argsort(new_pieces["near_end_place"], kind="stable")
-    arrangement.merge_pieces_into(old, stale, new_pieces, order, ordered)
-    moduli, ways, corners = full_body.relative_cell_modulus, full_body.coarse_sites.ways, corners_of_cells(new_cells)
+    arrangement.merge_bond_pieces_by_near_end(old, stale, new_pieces, order, ordered)
+    moduli, ways, corners = (
+        full_body.relative_cell_modulus,
+        full_body.coarse_sites.ways,
+        coarse_nodes_at_cell_corners(new_cells),
+    )
     coarse_springs.set_coarse_springs(numbering, zone.cell_kinds, moduli, ways, corners, zone.coarse_springs)
     return zone._replace(clipped_pieces=ordered)
 
@@ -160,7 +168,7 @@ def create_body_zone(full_body: FullBody, cells: NDArray[np.uint8], springs: Til
             bits=np.zeros_like(fine.tiles.bits), node=fine.tiles.node.copy(), kind=fine.tiles.kind.copy()
         ),
         coarse_springs=springs,
-        clipped_pieces=np.empty(0, ClippedPiece.fields()),
+        clipped_pieces=np.empty(0, ClippedBondPiece.fields()),
         fine_u=aligned(np.zeros((3, full_body.fine_sites.size))),
         coarse_u=aligned(np.zeros((3, full_body.coarse_sites.size))),
     )
@@ -168,9 +176,9 @@ def create_body_zone(full_body: FullBody, cells: NDArray[np.uint8], springs: Til
         numbering, fine.tiles.node, cells, np.arange(count), zone.node_kinds, zone.has_coarse_node
     )
     fine_cells = np.flatnonzero(cells == FINE)
-    corners = np.column_stack(coordinates(numbering.coarse, np.arange(numbering.coarse.place_count)))
+    corners = np.column_stack(lattice_coordinates(numbering.coarse, np.arange(numbering.coarse.place_count)))
     moduli, ways = full_body.relative_cell_modulus, full_body.coarse_sites.ways
     coarse_springs.set_coarse_springs(numbering, cells, moduli, ways, corners, springs)
     if not len(fine_cells):
         return zone
-    return zone_after_refinement(full_body, zone, np.column_stack(coordinates(numbering.cells, fine_cells)))
+    return zone_after_refinement(full_body, zone, np.column_stack(lattice_coordinates(numbering.cells, fine_cells)))

@@ -16,20 +16,20 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import AHEAD
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_nodes
+from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_rows_with_spacing_and_areas
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
 from pdsolve.adaptivity.hybrid.space.layout import (
     BodyZone,
     FullBody,
     SpringNetwork,
     ZoneHistory,
-    corners_of_cells,
+    coarse_nodes_at_cell_corners,
     list_bonds_of_sites,
     mask_near_cells,
     zone_after_refinement,
 )
 from pdsolve.adaptivity.hybrid.space.materials import ModelWithMeanDensities, fine_node_masses
-from pdsolve.adaptivity.hybrid.space.zone import mark_fine_cells_in_balls
+from pdsolve.adaptivity.hybrid.space.zone import refine_cells_within_radius
 from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import PendingPulls, entry, like, pending_to_arrays, read_pending_pulls
 from pdsolve.codegen.vector_code import ROW
@@ -53,7 +53,7 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown
-from pdsolve.zone.cells import BORDER, COARSE, FINE, FREE, ZoneNumbering, cell_at, coordinates, place_at
+from pdsolve.zone.cells import BORDER, COARSE, FINE, FREE, ZoneNumbering, cell_at, lattice_coordinates, place_number_at
 from pdsolve.zone.springs import double_green_strain_from_stretch
 
 if TYPE_CHECKING:
@@ -80,13 +80,13 @@ class HybridBodyOperator:
         self._border = np.flatnonzero(zone.node_kinds == BORDER)
         nodes, border, margin = len(self.sites), len(self._border), full_body.fine_sites.margin
         on, self._w = np.zeros((border, arrangement.ENDS), np.int64), np.zeros((border, arrangement.ENDS))
-        arrangement.fill_border_carriers(fine.numbering, self._border, on, self._w)
+        arrangement.fill_border_interpolation_nodes(fine.numbering, self._border, on, self._w)
         self._on, self._pieces = (
             self._row[on],
-            pieces.create_piece_springs(fine, zone.node_kinds, self._row, zone.clipped_pieces),
+            pieces.create_grouped_bond_piece_springs(fine, zone.node_kinds, self._row, zone.clipped_pieces),
         )
         volume = fine.node_volume * fine.tiles.cells[VOLUME, margin : margin + count]
-        self.volume = self._gather_to_nodes(volume)
+        self.volume = self._lump_fine_values_to_current_nodes(volume)
         self._border_volume = volume[self._border]
         tiles, springs = self._tiles_with_node_numbers(zone.fine_tiles), zone.coarse_springs
         springs.node[:] = -1
@@ -103,10 +103,10 @@ class HybridBodyOperator:
     def _numbering(self) -> ZoneNumbering:
         return self.full_body.fine_lattice.numbering
 
-    def _gather_to_nodes(self, fine_values: NDArray[np.floating]) -> NDArray[np.float64]:
+    def _lump_fine_values_to_current_nodes(self, fine_values: NDArray[np.floating]) -> NDArray[np.float64]:
         """What nodes (n,) have of what is the fine nodes' `fine_values` (sites,)."""
         node_values, coarse = fine_values[self.sites].astype(np.float64), np.zeros(len(self._coarse))
-        arrangement.gather_fine_values_to_coarse(
+        arrangement.lump_fine_values_to_coarse_nodes(
             self.full_body.fine_lattice, self._zone.node_kinds, self.sites[self._coarse], fine_values, coarse
         )
         node_values[self._coarse] = coarse
@@ -115,7 +115,7 @@ class HybridBodyOperator:
     def _coarse_sites_at(self, sites: NDArray[np.int64]) -> NDArray[np.int64]:
         """The coarse sites at fine sites."""
         numbering = self._numbering
-        return np.asarray(place_at(numbering.coarse, cell_at(coordinates(numbering.fine, sites))))
+        return np.asarray(place_number_at(numbering.coarse, cell_at(lattice_coordinates(numbering.fine, sites))))
 
     def _tiles_with_node_numbers(self, tiles: Tiles) -> Tiles:
         """The tiles with the numbers of nodes, followed by those on the border, whose bonds do not break."""
@@ -135,10 +135,10 @@ class HybridBodyOperator:
         assert self.full_body.model is not None
         widths = np.ones(len(self.rows))
         widths[self._coarse] = 2.0
-        active_model = model_of_nodes(self.full_body.model, self.rows, widths, self.volume)
+        active_model = model_of_rows_with_spacing_and_areas(self.full_body.model, self.rows, widths, self.volume)
         if not active_model.settings.regions:
             return active_model
-        mass = self._gather_to_nodes(
+        mass = self._lump_fine_values_to_current_nodes(
             fine_node_masses(self.full_body.model, self.full_body.fine_sites, self.full_body.fine_lattice)
         )
         return ModelWithMeanDensities(active_model.grid, active_model.settings, active_model.name, mass / self.volume)
@@ -170,7 +170,7 @@ class HybridBodyOperator:
             sum_tiles(zone.coarse_springs, zone.coarse_u, *of_state, nothing, first, last)
 
         share(work, len(zone.coarse_springs.kind), self._threads)
-        largest = self._add_piece_forces(state.value, force)
+        largest = self._add_bond_piece_forces(state.value, force)
         out += density[:nodes] + force / self.volume[:, None]
         self.history = self.history._replace(largest_clipped_strain=max(self.history.largest_clipped_strain, largest))
         if step > 0 and largest > self._least_peak_strain:
@@ -237,13 +237,13 @@ class HybridBodyOperator:
             (zone.coarse_springs, zone.coarse_u, force, np.ones(len(zone.coarse_springs.node), dtype=np.bool_)),
         ):
             sum_some(tiles, u, state.rate, out, state.dissipated, site_mask)
-        self._add_piece_forces(state.value, force)
+        self._add_bond_piece_forces(state.value, force)
         return density[: len(self.sites)] + force / self.volume[:, None], which
 
-    def _add_piece_forces(self, value: NDArray[np.float64], force: NDArray[np.float64]) -> float:
+    def _add_bond_piece_forces(self, value: NDArray[np.float64], force: NDArray[np.float64]) -> float:
         """Add to `force` (n, 3), N, that of pieces and what is on the border; the largest e of pieces."""
-        largest = pieces.add_piece_forces(value, self._pieces, force)
-        pieces.pass_border_densities_to_carriers(
+        largest = pieces.add_bond_piece_forces(value, self._pieces, force)
+        pieces.distribute_border_densities_to_coarse_nodes(
             self._density[len(self.sites) :], self._on, self._w, self._border_volume, force
         )
         return float(largest)
@@ -267,7 +267,7 @@ class HybridBodyOperator:
         """Strain energy densities (n,), J/m^3, without bonds that are as before `new_cells` (k, 3) became fine."""
         site_mask = mask_near_cells(self._numbering, new_cells, self.full_body.fine_lattice.reach - 1)
         above = np.zeros(len(self._zone.coarse_springs.node), np.bool_)
-        above[place_at(self._numbering.coarse, tuple(corners_of_cells(new_cells).T))] = True
+        above[place_number_at(self._numbering.coarse, tuple(coarse_nodes_at_cell_corners(new_cells).T))] = True
         return self._energy_densities(state, site_mask, above)
 
     def _energy_densities(
@@ -286,8 +286,8 @@ class HybridBodyOperator:
             node_energy,
             np.flatnonzero(coarse_site_mask.reshape(-1, ROW).any(axis=1)),
         )
-        pieces.add_piece_energies(state.value, self._pieces, site_mask, node_energy)
-        pieces.pass_border_densities_to_carriers(
+        pieces.add_bond_piece_energies(state.value, self._pieces, site_mask, node_energy)
+        pieces.distribute_border_densities_to_coarse_nodes(
             bond_density[nodes:, None], self._on, self._w, self._border_volume, node_energy[:, None]
         )
         return node_energy / self.volume + bond_density[:nodes]
@@ -317,7 +317,7 @@ class HybridBodyOperator:
         network = SpringNetwork(
             self.volume,
             (self._on, self._w),
-            (piece_springs.points.carriers, piece_springs.points.carrier_weights),
+            (piece_springs.points.interpolation_nodes, piece_springs.points.interpolation_weights),
             of_pieces.end_points,
             (zone.fine_tiles, sites, free, np.append(self.volume, self._border_volume), False),
             (zone.coarse_springs, above, self._coarse, np.ones(nodes), True),
@@ -327,20 +327,20 @@ class HybridBodyOperator:
         return assemble_tangent(network, state.value)
 
     def bonds(
-        self, first: int = 0, last: int | None = None, start: bool = False
+        self, first_row: int = 0, end_row: int | None = None, at_start: bool = False
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Source and target rows (k,) of the intact bonds of nodes `first` to `last` - 1, or of those at the
-        `start`."""
-        last = len(self.sites) if last is None else last
-        zone, sites = self._zone, self.sites[first:last]
-        low, high = np.searchsorted(self._coarse, [first, last])
+        """Source and target rows (k,) of the intact bonds of nodes `first_row` to `end_row` - 1, or of those at the
+        start, if `at_start`."""
+        end_row = len(self.sites) if end_row is None else end_row
+        zone, sites = self._zone, self.sites[first_row:end_row]
+        low, high = np.searchsorted(self._coarse, [first_row, end_row])
         rows, above = self._coarse[low:high], self._coarse_sites[low:high] - self.full_body.coarse_sites.margin
         with self._breaking:
-            bond_lists = [list_bonds_of_sites(sites, np.arange(first, last), self._row, zone.fine_tiles)]
+            bond_lists = [list_bonds_of_sites(sites, np.arange(first_row, end_row), self._row, zone.fine_tiles)]
             _, broken_source, broken_target = self.broken()
         bond_lists.append(list_bonds_of_sites(above, rows, zone.coarse_springs.node, zone.coarse_springs))
-        if start:
-            in_range = (broken_source >= first) & (broken_source < last)
+        if at_start:
+            in_range = (broken_source >= first_row) & (broken_source < end_row)
             bond_lists.append((broken_source[in_range], broken_target[in_range]))
         source, target = (np.concatenate(ends) for ends in zip(*bond_lists, strict=True))
         order = np.lexsort((target, source))
@@ -369,11 +369,11 @@ class HybridBodyOperator:
         family[self._free] += self.full_body.precrack_cut_counts_of_places[self.rows[self._free]]
         return Counted(self.volume, family, count)
 
-    def broken(self, after: int = 0) -> Broken:
+    def broken(self, after_step: int = 0) -> Broken:
         """Bonds broken after a step: step, source row and target row of each."""
         with self._breaking:
             self._record_new_breaks()
-        return self._known.after(after)
+        return self._known.after(after_step)
 
     def _record_new_breaks(self) -> None:
         """Add the bonds that broke since the last call to the history."""
@@ -407,13 +407,13 @@ class HybridBodyOperator:
         sites = np.unique(self.sites[self.broken(after_step).source])
         hot_sites = np.zeros(26 * max(len(self._coarse), 1), dtype=np.int64)
         unbreakable = fine.tiles.unbreakable[self.rows]
-        count = coarse_springs.list_stretched_nodes(
+        count = coarse_springs.list_nodes_with_stretched_springs(
             numbering, zone.coarse_springs, unbreakable, zone.coarse_u, self.full_body.refinement_stretch, hot_sites
         )
         sites = np.unique(np.concatenate([sites, hot_sites[:count]]))
         new = np.zeros(np.count_nonzero(zone.cell_kinds == COARSE), dtype=np.int64)
-        count = mark_fine_cells_in_balls(numbering, zone.cell_kinds, sites, AHEAD, new)
-        return np.column_stack(coordinates(numbering.cells, new[:count]))
+        count = refine_cells_within_radius(numbering, zone.cell_kinds, sites, AHEAD, new)
+        return np.column_stack(lattice_coordinates(numbering.cells, new[:count]))
 
     def operator_after_refinement(self, new_cells: NDArray[np.int64]) -> HybridBodyOperator:
         """The operator after the cells `new_cells` (k, 3) have become fine."""
@@ -436,7 +436,9 @@ class HybridBodyOperator:
         if not ((cells == self._zone.cell_kinds) | new).all():
             raise CheckpointError("cells are not those of the start; coarse ones may only become fine")
         self._zone.cell_kinds[:] = cells
-        return self.operator_after_refinement(np.column_stack(coordinates(self._numbering.cells, np.flatnonzero(new))))
+        return self.operator_after_refinement(
+            np.column_stack(lattice_coordinates(self._numbering.cells, np.flatnonzero(new)))
+        )
 
     def interpolate_at_grid_rows(
         self, grid_rows: NDArray[np.int64], values: NDArray[np.float64]
@@ -451,17 +453,19 @@ class HybridBodyOperator:
         """Rows (k,) of the rows of the grid `grid_rows`, -1 for nodes that are none now."""
         return self._row[self.full_body.fine_sites.site[grid_rows] - self.full_body.fine_sites.margin].astype(np.int64)
 
-    def carrier_rows_of_grid_rows(self, grid_rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    def interpolation_rows_and_weights_of_grid_rows(
+        self, grid_rows: NDArray[np.int64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Rows (k, 8) of the nodes that move rows of the grid `grid_rows` (k,), and their shares."""
         margin = self.full_body.fine_sites.margin
         sites, numbering = self.full_body.fine_sites.site[grid_rows] - margin, self._numbering.fine
-        node_rows, at = self._row[sites], np.column_stack(coordinates(numbering, sites))
+        node_rows, at = self._row[sites], np.column_stack(lattice_coordinates(numbering, sites))
         rows, w = np.zeros((len(grid_rows), 8), np.int64), np.zeros((len(grid_rows), 8))
         for number, corner_steps in enumerate(np.ndindex(2, 2, 2)):
             step = np.array(corner_steps)
             w[:, number] = np.where(at % 2 == 1, 0.5, 1.0 - step).prod(axis=1)
             end = np.minimum(at - at % 2 + 2 * step, np.array(numbering.counts) - 1)
-            rows[:, number] = self._row[place_at(numbering, tuple(end.T))]
+            rows[:, number] = self._row[place_number_at(numbering, tuple(end.T))]
         is_node = node_rows >= 0
         rows[is_node], w[is_node] = node_rows[is_node, None], np.eye(8)[0]
         rows[w == 0] = 0

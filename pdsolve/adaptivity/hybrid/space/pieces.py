@@ -15,22 +15,22 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.arrangement import (
     ENDS,
-    ClippedPiece,
+    BondPieceEndPoints,
+    ClippedBondPiece,
     FineLattice,
-    PiecePoints,
-    coordinates_of_place,
-    create_piece_end_points,
+    coordinates_of_blockwise_place_number,
+    create_bond_piece_end_points,
 )
-from pdsolve.adaptivity.hybrid.space.clipped_pieces import TOGETHER, add_pieces
+from pdsolve.adaptivity.hybrid.space.clipped_pieces import TOGETHER, add_forces_of_eight_bond_pieces
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.numerics.memory import aligned
-from pdsolve.zone.cells import floor_divide, place_at
+from pdsolve.zone.cells import floor_divide, place_number_at
 
 SHARED = 4  # pieces of a point, at least, in the first guess
 
 
-class PieceGroups(NamedTuple):
+class BondPieceGroupsOfEight(NamedTuple):
     """Springs in g groups of eight with one near end; a group that is not full has springs without stiffness."""
 
     near_end_site: NDArray[np.int32]  # (g,) fine site of the near end, or of one less than a spacing from it
@@ -42,18 +42,18 @@ class PieceGroups(NamedTuple):
     limit_strain_ratio: NDArray[np.float64]
 
 
-class PieceSprings(NamedTuple):
+class GroupedBondPieceSprings(NamedTuple):
     """The springs of pieces between q points, which move with nodes."""
 
-    points: PiecePoints  # with the rows of nodes
-    groups: PieceGroups
+    points: BondPieceEndPoints  # with the rows of nodes
+    groups: BondPieceGroupsOfEight
     xi: NDArray[np.float64]  # (d, 4) xi, m, 1 / |xi|^2
     point_displacements: NDArray[np.float64]  # (q, 4) room for the displacements of points; the last column is 0
     point_forces: NDArray[np.float64]  # (q, 4) room for their forces
     largest_scaled_strains: NDArray[np.float64]  # (8,) room for the largest e times `limit_strain_ratio`
 
 
-class PlaceTable(NamedTuple):
+class PlaceHashTable(NamedTuple):
     """Numbers of places: a hash table whose size is a power of 2, and what is found."""
 
     places_by_hash: NDArray[np.int64]  # (size,) place, -1 without one
@@ -63,35 +63,35 @@ class PlaceTable(NamedTuple):
     last_piece: NDArray[np.int64]  # (size / 2,) scratch: that piece
 
 
-def create_piece_springs(
-    fine: FineLattice, node_kinds: NDArray[np.uint8], row_at_site: NDArray[np.int32], pieces: NDArray[ClippedPiece]
-) -> PieceSprings:
+def create_grouped_bond_piece_springs(
+    fine: FineLattice, node_kinds: NDArray[np.uint8], row_at_site: NDArray[np.int32], pieces: NDArray[ClippedBondPiece]
+) -> GroupedBondPieceSprings:
     """The springs of pieces; `node_kinds` and `row_at_site` (sites,) are those of fine nodes."""
     count = len(pieces)
     room = count + (TOGETHER - 1) * (np.count_nonzero(np.diff(pieces["near_end_place"])) + 1) if count else 0
     group_count, entry_count = room // TOGETHER, room // TOGETHER * TOGETHER
-    groups = PieceGroups(
+    groups = BondPieceGroupsOfEight(
         *np.empty((2, group_count), np.int32), *np.empty((2, entry_count), np.int32), *np.empty((2, entry_count))
     )
     size = 1 << max(4, count // SHARED).bit_length() + 1
     while True:
         half = size // 2
-        numbers = PlaceTable(
+        numbers = PlaceHashTable(
             np.full(size, -1, np.int64),
             np.empty(size, np.int32),
             np.empty(half, np.int64),
             np.full(half, -1, np.int32),
             np.empty(half, np.int64),
         )
-        points, used = group_pieces(fine, pieces, numbers, groups)
+        points, used = group_bond_pieces_by_near_end(fine, pieces, numbers, groups)
         if points >= 0:
             break
         size *= 2
-    carriers = create_piece_end_points(fine, node_kinds, numbers.place_of_number[:points])
+    interpolation_nodes = create_bond_piece_end_points(fine, node_kinds, numbers.place_of_number[:points])
     u, force = (aligned(np.zeros((points, 4))) for _ in range(2))
-    return PieceSprings(
-        carriers._replace(carriers=row_at_site[carriers.carriers]),
-        PieceGroups._make(column[: used * len(column) // max(group_count, 1)] for column in groups),
+    return GroupedBondPieceSprings(
+        interpolation_nodes._replace(interpolation_nodes=row_at_site[interpolation_nodes.interpolation_nodes]),
+        BondPieceGroupsOfEight._make(column[: used * len(column) // max(group_count, 1)] for column in groups),
         fine.distinct_piece_xi,
         u,
         force,
@@ -107,7 +107,7 @@ class ListedSprings(NamedTuple):
     stiffness: NDArray[np.float64]  # (p,) N/m
 
 
-def list_springs_with_stiffness(springs: PieceSprings) -> ListedSprings:
+def list_springs_with_stiffness(springs: GroupedBondPieceSprings) -> ListedSprings:
     """The springs with a stiffness."""
     groups, is_stiff = springs.groups, springs.groups.stiffness > 0
     ends = np.column_stack([np.repeat(groups.near_point, TOGETHER), groups.far_point])
@@ -115,16 +115,16 @@ def list_springs_with_stiffness(springs: PieceSprings) -> ListedSprings:
 
 
 @cached_njit(error_model="numpy")
-def group_pieces(fine, pieces, place_table, groups):  # type: ignore[no-untyped-def]
+def group_bond_pieces_by_near_end(fine, pieces, place_table, groups):  # type: ignore[no-untyped-def]
     """Put pieces into groups; the numbers of points and of groups, or -1 if there are more points than numbers."""
     count, m, run, i, unit = 0, 0, -1, 0, fine.part_ends.units_per_spacing
     for n in range(len(pieces)):
         piece, place = pieces[n], pieces[n].near_end_place
         if n == 0 or place != pieces[n - 1].near_end_place:
-            m = _fill_last_group(groups, m, i)
-            i, count = _number_place(place_table, place, count)
+            m = _pad_last_group_with_zero_stiffness(groups, m, i)
+            i, count = _find_or_add_place_number(place_table, place, count)
             run += 1
-        j, count = _number_place(place_table, piece.far_end_place, count)
+        j, count = _find_or_add_place_number(place_table, piece.far_end_place, count)
         if count > len(place_table.place_of_number) - 2:
             return -1, 0
         if place_table.last_near_end[j] == run:
@@ -135,18 +135,18 @@ def group_pieces(fine, pieces, place_table, groups):  # type: ignore[no-untyped-
             continue
         if m % TOGETHER == 0:
             groups.near_point[m // TOGETHER] = i
-            x = floor_divide(coordinates_of_place(fine.numbering, unit, place), unit)
-            groups.near_end_site[m // TOGETHER] = place_at(fine.numbering.fine, x)
+            x = floor_divide(coordinates_of_blockwise_place_number(fine.numbering, unit, place), unit)
+            groups.near_end_site[m // TOGETHER] = place_number_at(fine.numbering.fine, x)
         place_table.last_near_end[j], place_table.last_piece[j] = run, m
         groups.far_point[m], groups.xi_row[m] = j, fine.xi_row_of_piece_kind[piece.piece_kind]
         groups.stiffness[m] = piece.stiffness
         groups.limit_strain_ratio[m] = piece.limit_strain_ratio
         m += 1
-    return count, _fill_last_group(groups, m, i) // TOGETHER
+    return count, _pad_last_group_with_zero_stiffness(groups, m, i) // TOGETHER
 
 
 @njit(**INNER)
-def _fill_last_group(groups, spring_count, near_point):  # type: ignore[no-untyped-def]
+def _pad_last_group_with_zero_stiffness(groups, spring_count, near_point):  # type: ignore[no-untyped-def]
     """Fill the last group with springs without stiffness; the entries used then."""
     while spring_count % TOGETHER:
         groups.far_point[spring_count], groups.xi_row[spring_count] = near_point, 0
@@ -156,7 +156,7 @@ def _fill_last_group(groups, spring_count, near_point):  # type: ignore[no-untyp
 
 
 @njit(**INNER)
-def _number_place(place_table, place, count):  # type: ignore[no-untyped-def]
+def _find_or_add_place_number(place_table, place, count):  # type: ignore[no-untyped-def]
     """The number of a place, a new one if it has none; and how many there are then."""
     mask = np.uint64(len(place_table.places_by_hash) - 1)
     away = (np.uint64(place) >> np.uint64(4)) * np.uint64(0x9E3779B97F4A7C15) >> np.uint64(20)
@@ -174,7 +174,7 @@ def _number_place(place_table, place, count):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def add_piece_forces(value, pieces, force):  # type: ignore[no-untyped-def]
+def add_bond_piece_forces(value, pieces, force):  # type: ignore[no-untyped-def]
     """Add the forces of `pieces` on nodes, N, to `force` (n, 3), at displacements `value` (n, 3).
 
     Returns the largest e of those that could break.
@@ -187,10 +187,12 @@ def add_piece_forces(value, pieces, force):  # type: ignore[no-untyped-def]
     pieces.largest_scaled_strains[:] = 0
     for g in range(len(groups.near_point)):
         near = np.int64(groups.near_point[g])
-        add_pieces(u, sums, xi, far, rows, k, least, pieces.largest_scaled_strains, TOGETHER * g, near)
-    for q in range(len(points.carrier_count)):
-        for m in range(points.carrier_count[q]):
-            row, share = points.carriers[q, m], points.carrier_weights[q, m]
+        add_forces_of_eight_bond_pieces(
+            u, sums, xi, far, rows, k, least, pieces.largest_scaled_strains, TOGETHER * g, near
+        )
+    for q in range(len(points.interpolation_node_count)):
+        for m in range(points.interpolation_node_count[q]):
+            row, share = points.interpolation_nodes[q, m], points.interpolation_weights[q, m]
             for axis in range(3):
                 force[row, axis] += share * sums[q, axis]
     return pieces.largest_scaled_strains.max()
@@ -200,16 +202,16 @@ def add_piece_forces(value, pieces, force):  # type: ignore[no-untyped-def]
 def _set_point_displacements(value, pieces):  # type: ignore[no-untyped-def]
     """Fill in the displacements of the points."""
     points, u = pieces.points, pieces.point_displacements
-    for q in range(len(points.carrier_count)):
+    for q in range(len(points.interpolation_node_count)):
         x = y = z = 0.0
-        for m in range(points.carrier_count[q]):
-            row, share = points.carriers[q, m], points.carrier_weights[q, m]
+        for m in range(points.interpolation_node_count[q]):
+            row, share = points.interpolation_nodes[q, m], points.interpolation_weights[q, m]
             x, y, z = x + share * value[row, 0], y + share * value[row, 1], z + share * value[row, 2]
         u[q, 0], u[q, 1], u[q, 2] = x, y, z
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def add_piece_energies(value, pieces, site_mask, node_energy):  # type: ignore[no-untyped-def]
+def add_bond_piece_energies(value, pieces, site_mask, node_energy):  # type: ignore[no-untyped-def]
     """Add the energies of pieces, J, to `node_energy` (n,), half to each end; of those with their near ends at fine
     sites of `site_mask` (sites,) alone."""
     _set_point_displacements(value, pieces)
@@ -226,9 +228,9 @@ def add_piece_energies(value, pieces, site_mask, node_energy):  # type: ignore[n
         end_energy = groups.stiffness[n] / row[3] * stretch * stretch / 4
         energy[i, 0] += end_energy
         energy[j, 0] += end_energy
-    for q in range(len(points.carrier_count)):
-        for m in range(points.carrier_count[q]):
-            node_energy[points.carriers[q, m]] += points.carrier_weights[q, m] * energy[q, 0]
+    for q in range(len(points.interpolation_node_count)):
+        for m in range(points.interpolation_node_count[q]):
+            node_energy[points.interpolation_nodes[q, m]] += points.interpolation_weights[q, m] * energy[q, 0]
 
 
 @cached_njit(nogil=True)
@@ -251,7 +253,7 @@ def interpolate_border_displacements(sites, rows, w, value, u):  # type: ignore[
 
 
 @cached_njit(nogil=True)
-def pass_border_densities_to_carriers(border, rows, w, volume, force):  # type: ignore[no-untyped-def]
+def distribute_border_densities_to_coarse_nodes(border, rows, w, volume, force):  # type: ignore[no-untyped-def]
     """Pass what is on the border (b, ...) per volume (b,), m^3, on to the nodes `rows` (b, 4) of `force`."""
     for n in range(len(rows)):
         for m in range(ENDS):

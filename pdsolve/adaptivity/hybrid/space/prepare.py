@@ -13,8 +13,8 @@ from pdsolve.adaptivity.hybrid.space import coarse_springs
 from pdsolve.adaptivity.hybrid.space.arrangement import (
     BLOCK,
     FineLattice,
-    locate_part_ends,
-    number_and_list_piece_vectors,
+    list_distinct_bond_piece_vectors,
+    locate_bond_part_ends,
 )
 from pdsolve.adaptivity.hybrid.space.layout import NOTHING, FullBody, create_body_zone
 from pdsolve.adaptivity.hybrid.space.materials import (
@@ -35,9 +35,9 @@ from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.schemes.cubic_lattice_bonds import tiled
-from pdsolve.zone.bond_parts import divide_bonds
+from pdsolve.zone.bond_parts import divide_bonds_at_cell_borders
 from pdsolve.zone.cells import FINE, VOID, create_body_numbering
-from pdsolve.zone.prescribed_motion import nodes_unfit_for_coarse
+from pdsolve.zone.prescribed_motion import nodes_kept_fine_by_prescribed_motion
 
 SEAM = 0.9  # of the squared sure step of the fine lattice: what short, stiff pieces leave
 SHEAR = 1e-6  # of the block in which tau is found
@@ -66,7 +66,7 @@ def create_body_operator(model: Model, threads: int) -> HybridBodyOperator:
     volume = tiles.cells[VOLUME][tiling.sites.margin :][:count].reshape(shape)
     cracks = (model.grid.cracks.reshape(-1, 3, 3) - first) / h
     lookups = (tiling.sites.site.astype(np.int64) - tiling.sites.margin).__getitem__, tiles.node.__getitem__
-    unfit_nodes = nodes_unfit_for_coarse(model, numbering.fine, *lookups)
+    unfit_nodes = nodes_kept_fine_by_prescribed_motion(model, numbering.fine, *lookups)
     cells = initial_cell_kinds(
         numbering, volume, tiles.node[:count].reshape(shape) >= 0, full_body.fine_lattice.reach, cracks, unfit_nodes
     )
@@ -75,7 +75,7 @@ def create_body_operator(model: Model, threads: int) -> HybridBodyOperator:
     full_body = full_body._replace(
         stiffness_over_density=resistance, solid_cell_count=int(np.count_nonzero(cells != VOID)), full_drive=driven
     )
-    return create_operator_of_cells(law, full_body, cells, compute_vertex_force(law, tiles.vectors, h), threads)
+    return create_operator_of_cells(law, full_body, cells, compute_vertex_force_ratio(law, tiles.vectors, h), threads)
 
 
 def create_operator_of_cells(
@@ -93,17 +93,17 @@ def create_full_body(model: Model | None, sites: Sites, tiles: Tiles) -> FullBod
     """What does not change of a body with these bonds."""
     reach, half = int(np.abs(sites.ways).max()), len(sites.ways) // 2
     numbering = create_body_numbering(tuple(int(side) for side in sites.sides), reach)
-    parts = divide_bonds(sites.ways[half:])
+    parts = divide_bonds_at_cell_borders(sites.ways[half:])
     fine = FineLattice(
         numbering,
         tiles,
         parts,
         np.bitwise_or.reduce(parts.side_cell_bits, axis=2),
-        locate_part_ends(parts, reach),
+        locate_bond_part_ends(parts, reach),
         reach,
         sites.spacing**3,
         limit_strain_ratios_of_pairs(tiles),
-        *number_and_list_piece_vectors(parts, tiles.vectors, sites.spacing),
+        *list_distinct_bond_piece_vectors(parts, tiles.vectors, sites.spacing),
     )
     at = coarse_springs.create_coarse_sites(numbering.coarse, sites.spacing)
     kappa = (Hybrid() if model is None else model.settings.run.hybrid).kappa
@@ -133,7 +133,7 @@ def create_full_block(law: Law, table: NDArray[np.floating], h: float, cells: tu
     return create_full_body(None, sites, tiles)
 
 
-def compute_vertex_force(law: Law, table: NDArray[np.floating], h: float) -> float:
+def compute_vertex_force_ratio(law: Law, table: NDArray[np.floating], h: float) -> float:
     """The force on the vertex of a fine cube in a sheared block of coarse cells without body diagonals, over
     C11 h^2 gamma."""
     full_body, half = create_full_block(law, table, h, (CUBE, CUBE, CUBE)), CUBE // 2
@@ -150,7 +150,7 @@ def compute_vertex_force(law: Law, table: NDArray[np.floating], h: float) -> flo
     return abs(float(force)) / (coarse_springs.cubic_stiffness(table).c11 * h**2 * SHEAR)
 
 
-def create_current_drive(operator: HybridBodyOperator, time: float) -> Drive:
+def create_conditions_of_current_nodes(operator: HybridBodyOperator, time: float) -> Drive:
     """Conditions of the whole body on the current nodes, with the body forces of `time`, s."""
     every, model = operator.full_body.full_drive, operator.full_body.model
     assert every is not None
@@ -162,7 +162,7 @@ def create_current_drive(operator: HybridBodyOperator, time: float) -> Drive:
         row[is_node], holds.axis[is_node], holds.value[is_node], holds.profile[is_node], holds.kind[is_node]
     )
     acting = loads.value != 0
-    rows, w = operator.carrier_rows_of_grid_rows(loads.node[acting])
+    rows, w = operator.interpolation_rows_and_weights_of_grid_rows(loads.node[acting])
     force = (w * (loads.value * cells[loads.node])[acting, None]).ravel()
     columns = [np.repeat(column[acting], rows.shape[1]) for column in (loads.profile, loads.axis)]
     key = np.column_stack([*columns, rows.ravel()])

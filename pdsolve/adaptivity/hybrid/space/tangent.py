@@ -27,14 +27,17 @@ def assemble_tangent(network: SpringNetwork, value: NDArray[np.float64]) -> csr_
     points = vstack(
         [
             eye_array(nodes),
-            *(of_followers(rows, w, nodes) for rows, w in (network.border_carriers, network.point_carriers)),
+            *(
+                of_followers(rows, w, nodes)
+                for rows, w in (network.border_interpolation_nodes, network.piece_end_interpolation_nodes)
+            ),
         ]
     ).tocsr()
     u, last = points @ value, points.shape[0]
     matrix = csr_array((3 * last, 3 * last))
     for tiles, sites, rows, volume, share in (network.fine_bonds, network.coarse_springs):
-        matrix += _tile_tangent(tiles, sites, rows, volume, u, share)
-    near, far = (last - len(network.point_carriers[0]) + network.piece_end_points.astype(np.int64)).T
+        matrix += _tangent_of_tile_bonds(tiles, sites, rows, volume, u, share)
+    near, far = (last - len(network.piece_end_interpolation_nodes[0]) + network.piece_end_points.astype(np.int64)).T
     pull = network.piece_stiffness * np.sqrt((network.piece_xi**2).sum(axis=1))
     for first, second, sign in ((near, far, 1.0), (far, near, -1.0)):
         matrix += of_springs(first, second, sign * network.piece_xi, pull, u)
@@ -42,7 +45,7 @@ def assemble_tangent(network: SpringNetwork, value: NDArray[np.float64]) -> csr_
     return (density @ (tied.T @ matrix @ tied)).tocsr()
 
 
-def _tile_tangent(
+def _tangent_of_tile_bonds(
     tiles: Tiles,
     sites: Sites,
     rows: NDArray[np.int64],

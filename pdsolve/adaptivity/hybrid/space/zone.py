@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from pdmesh.model.triangulated_surface import distances
 from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.zone.cells import COARSE, FINE, VOID, ZoneNumbering, coordinates, mark_and_list_new_fine_cells_near
-from pdsolve.zone.start_cells import mask_cells_around_nodes, mask_cells_with_nodes_and_whole_cells
+from pdsolve.zone.cells import COARSE, FINE, VOID, ZoneNumbering, lattice_coordinates, mark_and_list_new_fine_cells_near
+from pdsolve.zone.start_cells import mask_cells_around_nodes, mask_occupied_and_uncut_cells
 
 FLANKS = 8  # h: cells this near to the faces of a pre-crack are fine: none of their springs is cut
 
@@ -31,7 +31,7 @@ def initial_cell_kinds(
     counts = numbering.cells.counts[::-1]
     beyond = [(0, max(0, 2 * count + 1 - side)) for count, side in zip(counts, has_node.shape, strict=True)]
     has_node, volume = np.pad(has_node, beyond), np.pad(np.where(has_node, volume, 0.0), beyond)
-    in_body, good = mask_cells_with_nodes_and_whole_cells(has_node, volume, (0, 0, 0), counts)
+    in_body, good = mask_occupied_and_uncut_cells(has_node, volume, (0, 0, 0), counts)
     cells = np.where(in_body, FINE, VOID).astype(np.uint8)
     cells[good] = COARSE
     if (in_body & ~good).any():
@@ -64,13 +64,13 @@ def _refine_around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64])
 
 
 @cached_njit(error_model="numpy")
-def mark_fine_cells_in_balls(numbering, cells, sites, radius, new_cells):  # type: ignore[no-untyped-def]
+def refine_cells_within_radius(numbering, cells, sites, radius, new_cells):  # type: ignore[no-untyped-def]
     """Make coarse cells within `radius` of the fine nodes at these sites fine, and list their places in `new_cells`.
 
     Returns how many there are.
     """
     count = 0
     for site in sites:
-        x = coordinates(numbering.fine, site)
+        x = lattice_coordinates(numbering.fine, site)
         count = mark_and_list_new_fine_cells_near(numbering.cells, cells, x, radius, new_cells, count)
     return count

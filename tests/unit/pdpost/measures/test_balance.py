@@ -12,7 +12,7 @@ from plates import plate, square_grid
 from pdmesh.model.document import InitialVelocity, Load, Run, Velocity
 from pdpost.figures import charts
 from pdpost.measures.balance import energy_balance
-from pdpost.measures.forces import read_reactions, select_reactions
+from pdpost.measures.forces import read_condition_force_histories, select_condition_force_histories
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.simulation import simulate
 
@@ -50,16 +50,16 @@ def test_reactions_have_the_names_of_their_conditions() -> None:
         run=Run(time_step=1e-8, steps=20, every=10),
     )
     with simulate(model) as results:
-        found = read_reactions(results)
+        found = read_condition_force_histories(results)
     assert [(one.number, one.name, one.kind, one.main_axis) for one in found] == [
         (1, "pull", "load", 1),
         (2, "condition 2", "velocity", 0),
     ]
     assert found[0].force[-1] == pytest.approx([1e9 * 5e-6, 5e9 * 5e-6])
-    assert [one.number for one in select_reactions(found, ["2", "pull"])] == [2, 1]
-    assert select_reactions(found, []) == found
+    assert [one.number for one in select_condition_force_histories(found, ["2", "pull"])] == [2, 1]
+    assert select_condition_force_histories(found, []) == found
     with pytest.raises(ResultsError, match=naming(found="condition 'push'", expected=("1 (pull)", "2 (condition 2)"))):
-        select_reactions(found, ["push"])
+        select_condition_force_histories(found, ["push"])
     figure = charts.reactions(found)
     over_time, over_way = figure.axes
     assert over_time.get_ylabel() == "force on the plate, kN/m"

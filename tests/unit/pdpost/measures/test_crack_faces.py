@@ -14,7 +14,7 @@ from pdpost.measures.crack_faces import (
     FaceNeighbourPairs,
     mesh_faces_between_pairs,
 )
-from pdpost.measures.crack_faces import _pairs_are_inside_crack as in_the_middle
+from pdpost.measures.crack_faces import _pairs_are_inside_cracked_region as in_the_middle
 from pdpost.measures.crack_fronts import chain_edges, estimate_front_speed_at_faces, front_lines_at, line_length
 from pdpost.measures.lattice_neighbours import face_neighbour_pairs
 from pdsolve.results import Nodes

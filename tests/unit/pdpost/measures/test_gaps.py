@@ -11,7 +11,7 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Displacement, Run, Static
 from pdpost.__main__ import main
-from pdpost.measures.forces import read_reactions
+from pdpost.measures.forces import read_condition_force_histories
 from pdpost.measures.gaps import force_over_gap_opening, measure_gap_between_places
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.simulation import Options, simulate
@@ -33,7 +33,7 @@ def stretched(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_force_against_opening(stretched: Path) -> None:
     with Results.open(stretched) as results:
-        _, right = read_reactions(results)
+        _, right = read_condition_force_histories(results)
         found = measure_gap_between_places(results, (0.0, 0.0), (20e-3, 0.0))
         assert found.opening == pytest.approx(2e-6 * np.arange(6) / 5, rel=1e-5, abs=1e-15)
         across = measure_gap_between_places(results, (10e-3, 0.0), (10e-3, 8e-3))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pdpost.measures.slices import cut_values_by_plane, default_slice_point
+from pdpost.measures.slices import default_slice_point, slice_field_values_by_plane
 
 
 def of(x: list[float]) -> Any:
@@ -30,4 +30,4 @@ def of(x: list[float]) -> Any:
 def test_the_middle_has_nodes(x: list[float], at: float, rows: list[int]) -> None:
     found = default_slice_point(of(x))
     assert found == pytest.approx([at, 0.05, 0.05])
-    assert cut_values_by_plane(of(x), np.arange(len(x)), 0, "x", float(found[0])).node_rows.tolist() == rows
+    assert slice_field_values_by_plane(of(x), np.arange(len(x)), 0, "x", float(found[0])).node_rows.tolist() == rows

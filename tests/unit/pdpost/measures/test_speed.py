@@ -9,7 +9,7 @@ import pytest
 from damaged_results import lattice, run
 
 from pdmesh.model.material_constants import rayleigh_ratio, rayleigh_speed
-from pdpost.measures.speed import TipSpeeds, averaging_window, estimate_tip_speeds
+from pdpost.measures.speed import TipSpeeds, estimate_tip_speeds, window_for_mean_speed
 from pdpost.measures.waves import plate_rayleigh_speed
 
 
@@ -94,10 +94,10 @@ def test_nothing_is_told_over_what_is_no_line() -> None:
 def test_a_window_has_its_length_wherever_it_is(at: int) -> None:
     """At least as long as asked for, not much longer, the point within, at the ends of the path too."""
     along = np.array([0.0, 0.3, 2.0, 4.1, 6.0, 7.7, 10.2, 12.0, 14.1, 16.0, 17.9, 19.0])
-    found = averaging_window(along, at, 10.0)
+    found = window_for_mean_speed(along, at, 10.0)
     assert found is not None
     inside = along[found]
     assert inside[0] <= along[at] <= inside[-1]
     assert 10.0 <= inside[-1] - inside[0] < 10 + 2 * 2.5
-    assert averaging_window(along, at, 19.0) == slice(0, 12)
-    assert averaging_window(along, at, 19.1) is None
+    assert window_for_mean_speed(along, at, 19.0) == slice(0, 12)
+    assert window_for_mean_speed(along, at, 19.1) is None
