@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,13 +46,6 @@ if TYPE_CHECKING:
 STILL = 2.0  # damping times a step: more would turn velocities round within it
 
 
-class RankCoupling(NamedTuple):
-    """What a window of a model has to do with other ranks."""
-
-    ghosts: Ghosts
-    damping_rates: NDArray[np.float64]  # (n,) 1/s, of layers that may reach beyond the window
-
-
 def prepare_explicit_motion(model: Model, options: Options, scheme: Scheme, bonds_swell: bool = False) -> PreparedRun:
     """A model's system and its state at time 0, with the bonds of this scheme; `bonds_swell` as in `make_operator`.
     Raises ModelError."""
@@ -79,12 +72,13 @@ def assemble_system(
     stable_time_step: float,
     *,
     conditions: Drive | None = None,
-    rank_coupling: RankCoupling | None = None,
+    damping_rates: NDArray[np.float64] | None = None,
+    ghosts: Ghosts | None = None,
 ) -> PreparedRun:
     """The system of a model with this operator, and its state.
 
-    `time_step`, s, is the run's; `stable_time_step` is surely stable; `conditions` are given if not those of the model;
-    `rank_coupling` is what a window has to do with other ranks.
+    `time_step`, s, is the run's; `stable_time_step` is surely stable; `conditions`, and `damping_rates` (n,), 1/s, are
+    given if not those of the model; `ghosts` are a window's nodes of other ranks.
     """
     kind = np.dtype(options.precision).type
     rho = model.rho.astype(kind)
@@ -96,9 +90,8 @@ def assemble_system(
     u, v = np.zeros((2, nodes, width), dtype=kind)
     state = State(u, v, initial_acceleration(conditions, rho), *np.zeros((3, nodes)))
     state = operator.to_own_layout(state)
-    damped = damping(model) if rank_coupling is None else rank_coupling.damping_rates
+    damped = damping(model) if damping_rates is None else damping_rates
     set_initial_velocity_and_acceleration(state, velocity, damped, conditions)
-    ghosts = None if rank_coupling is None else rank_coupling.ghosts
     stepper = make_stepper(operator, state, conditions, rho, time_step, damped, ghosts)
     energy = float(np.sum(model.rho / 2 * bond_counts.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
     refuse_fields(model, operator, state)

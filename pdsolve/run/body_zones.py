@@ -51,7 +51,7 @@ class BodyCellRefinement:
         energy_created = (
             verlet_conserved_energy(fresh, new_state, after.energies_near_new_cells(new_state, new))
             - energy_before
-            + half_kick_work_of_acceleration_error(fresh, new_state, pull, which)
+            + half_kick_work_of_acceleration_error(fresh, new_state, pull, after.damping_rates, which)
         )
         after.history = after.history._replace(refinement_energy=after.history.refinement_energy + energy_created)
         return SystemAfterNodeChange(fresh, new_state, _previous_row_of_nodes_with_same_bonds(system, fresh, rows))
@@ -70,7 +70,7 @@ class BodyCellRefinement:
         if not np.array_equal(after.current_nodes_model.grid.ids, checkpoint["ids"]):
             raise CheckpointError("ids of nodes are not those of its cells")
         fresh = _system_with_refined_operator(initial_system, after, 0)
-        return PreparedRun(fresh, zero_state(len(after.volume), after.unknowns[0].width))
+        return PreparedRun(fresh, zero_state(len(after.volume), after.unknowns[0].width, after.kind))
 
 
 def expect_body_zone_operator(system: System) -> HybridBodyOperator:
@@ -93,6 +93,7 @@ def _system_with_refined_operator(system: System, operator: HybridBodyOperator, 
         operator.volumes_and_bond_counts,
         *steps,
         conditions=driven,
+        damping_rates=operator.damping_rates,
     )
     return dataclasses.replace(prepared.system, full_model=system.full_model, regridder=system.regridder)
 

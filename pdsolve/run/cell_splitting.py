@@ -16,7 +16,7 @@ from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins, leaves_after_s
 from pdsolve.adaptivity.quadtree.operator import LeafHistory, QuadtreeOperator, read_leaf_history
 from pdsolve.adaptivity.quadtree.tree import Quadtree, QuadtreeCells
 from pdsolve.checkpoint_validation import entry
-from pdsolve.conditions import put_loads
+from pdsolve.conditions import damping, put_loads
 from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.run.assembly import assemble_system
@@ -75,9 +75,8 @@ class CellSplitting:
         new.drive.held_force[:] = system.drive.held_force
         put_loads(new.drive, step * system.time_step)
         created = energy_of(new, begun, operator.energies(begun)[0]) - energy_of(system, state, energy)
-        created += half_kick_work_of_acceleration_error(
-            new, begun, force_densities(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated)))
-        )
+        force_density = force_densities(operator, begun._replace(dissipated=np.zeros_like(begun.dissipated)))
+        created += half_kick_work_of_acceleration_error(new, begun, force_density, damping(new.model))
         calm = np.where(origins.is_unchanged, old_operator.history.checks_below_threshold[origins.origin_rows[:, 0]], 0)
         operator.history = LeafHistory(calm, old_operator.history.refinement_energy + created)
         # Former rows of nodes that keep their bonds; -1 for others

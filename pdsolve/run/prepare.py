@@ -213,33 +213,33 @@ def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> P
     )
     step = choose_time_step(model, bound)
     rest = assemble_system(now, options, scheme, operator, bonds.assembly.counted, step, bound)
-    prepared = _set_initial_velocity(rest, tree.model, initial_velocity(model))  # of which `now` knows nothing
+    prepared = _set_initial_velocity(rest, tree.model, initial_velocity(model), damping(now))  # `now` knows no velocity
     return prepared._replace(system=replace(prepared.system, regridder=CellSplitting(tree)))
 
 
 def _prepare_body_with_moving_zone(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A prepared body with a moving fine zone. Raises ModelError for an unsupported one."""
     threads = threads_of(options, len(model.grid), True)
-    operator = create_body_operator(model, threads)
+    operator = create_body_operator(model, options.precision, threads)
     options = options._replace(threads=threads)
     now = operator.current_nodes_model
     bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), now.rho)
     steps, driven = (choose_time_step(model, bound), bound), create_conditions_of_current_nodes(operator, 0.0)
-    rest = assemble_system(now, options, scheme, operator, operator.volumes_and_bond_counts, *steps, conditions=driven)
-    prepared = _set_initial_velocity(rest, model, initial_velocity(model)[operator.rows])
+    counted, rates = operator.volumes_and_bond_counts, operator.damping_rates
+    rest = assemble_system(now, options, scheme, operator, counted, *steps, conditions=driven, damping_rates=rates)
+    prepared = _set_initial_velocity(rest, model, initial_velocity(model)[operator.rows], rates)
     return prepared._replace(system=replace(prepared.system, regridder=BodyCellRefinement()))
 
 
 def _set_initial_velocity(
-    prepared_at_rest: PreparedRun, full_model: Model, velocity: NDArray[np.float64]
+    prepared_at_rest: PreparedRun,
+    full_model: Model,
+    velocity: NDArray[np.float64],
+    damping_rates: NDArray[np.float64],
 ) -> PreparedRun:
-    """The start of a run of `full_model`, whose current nodes have these velocities (n, d), m/s."""
-    set_initial_velocity_and_acceleration(
-        prepared_at_rest.state, velocity, damping(prepared_at_rest.system.model), prepared_at_rest.system.drive
-    )
-    energy = float(
-        np.sum(prepared_at_rest.system.model.rho / 2 * prepared_at_rest.system.area * (velocity**2).sum(axis=1))
-    )
-    return prepared_at_rest._replace(
-        system=replace(prepared_at_rest.system, full_model=full_model, initial_energy=energy)
-    )
+    """The start of a run of `full_model`, whose current nodes have these velocities (n, d), m/s, and are damped so
+    (n,), 1/s."""
+    system, state = prepared_at_rest
+    set_initial_velocity_and_acceleration(state, velocity, damping_rates, system.drive)
+    energy = float(np.sum(system.model.rho / 2 * system.area * (velocity**2).sum(axis=1)))
+    return PreparedRun(replace(system, full_model=full_model, initial_energy=energy), state)

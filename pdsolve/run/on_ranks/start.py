@@ -18,7 +18,7 @@ from pdsolve.options import Options
 from pdsolve.ranks.building import built
 from pdsolve.ranks.part import Part, added_up
 from pdsolve.ranks.slabs import Slab
-from pdsolve.run.assembly import RankCoupling, assemble_system, choose_time_step
+from pdsolve.run.assembly import assemble_system, choose_time_step
 from pdsolve.run.inversion_checks import InversionAndPrecisionChecks
 from pdsolve.run.measures import NodeEnergiesAndBreaks, compute_node_energies_and_breaks
 from pdsolve.run.on_ranks.rank_file import RankDatabase
@@ -141,7 +141,6 @@ def prepare_rank_system(
     driven = drive(model, counted.area, scheme.exact_load, kind, part.own, partial(added_up, team))
     if layer_damping_rates is None:
         layer_damping_rates = damping(model) if full_model is None else damping(full_model, slab.begin, slab.end)
-    rank_coupling = RankCoupling(part.ghosts, layer_damping_rates)
     prepared = assemble_system(
         model,
         options,
@@ -151,7 +150,8 @@ def prepare_rank_system(
         time_step,
         stable_time_step,
         conditions=driven,
-        rank_coupling=rank_coupling,
+        damping_rates=layer_damping_rates,
+        ghosts=part.ghosts,
     )
     part.now = RankSystem(part, prepared)
     velocity = initial_velocity(model, prepared.state.value.shape[1])

@@ -54,7 +54,7 @@ class Zone:
 
     def __init__(self, new: list[int], volume: list[float], refined: Zone | None = None) -> None:
         self.new, self.volume, self.refined = np.array(new, dtype=np.int64), np.array(volume), refined
-        self.history, self.rows, self.asked = Made(100.0), ROWS, list[int]()
+        self.history, self.rows, self.asked, self.damping_rates = Made(100.0), ROWS, list[int](), None
 
     def mark_new_fine_cells(self, state: State, step: int) -> np.ndarray[Any, Any]:
         self.asked.append(step)
@@ -144,7 +144,8 @@ def test_without_cells_to_refine_nothing_changes(monkeypatch: pytest.MonkeyPatch
 
 
 def test_a_checkpoint_of_other_cells_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    after = Part(current_nodes_model=Part(grid=Part(ids=np.array([1, 2]))), volume=np.ones(2), unknowns=[Part(width=3)])
+    grid, unknowns = Part(ids=np.array([1, 2])), [Part(width=3)]
+    after = Part(current_nodes_model=Part(grid=grid), volume=np.ones(2), unknowns=unknowns, kind=np.float64)
     monkeypatch.setattr(
         body_zones, "expect_body_zone_operator", lambda system: Part(operator_with_checkpoint_cells=lambda kept: after)
     )
@@ -161,13 +162,13 @@ def test_a_checkpoint_of_other_cells_is_refused(monkeypatch: pytest.MonkeyPatch)
 def test_loads_of_new_nodes_are_those_of_the_time_of_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
     times: list[float] = []
     monkeypatch.setattr(body_zones, "create_conditions_of_current_nodes", lambda after, time: times.append(time))
-    assemble: Any = lambda *words, conditions: Part(system=PreparedRun(words[5:7], None))  # noqa: E731
+    assemble: Any = lambda *words, conditions, damping_rates: Part(system=PreparedRun(words[5:7], None))  # noqa: E731
     monkeypatch.setattr(body_zones, "assemble_system", assemble)
     monkeypatch.setattr(body_zones.dataclasses, "replace", lambda system, **changes: (system, changes))
     system: Any = Part(
         time_step=0.5, stable_time_step=0.7, options=None, scheme=None, full_model="whole", regridder="zone"
     )
-    operator: Any = Part(current_nodes_model=None, volumes_and_bond_counts=None)
+    operator: Any = Part(current_nodes_model=None, volumes_and_bond_counts=None, damping_rates=None)
     found: Any = body_zones._system_with_refined_operator(system, operator, 8)
     assert times == [4.0]
     assert (found[0][0], found[1]) == ((0.5, 0.7), {"full_model": "whole", "regridder": "zone"})

@@ -12,6 +12,7 @@ from pdsolve.adaptivity.hybrid.space.arrangement import ClippedBondPiece, FineLa
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
+from pdsolve.lattice import tile_bonds
 from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tiles import Breaks, Tiles, room_for
 from pdsolve.model import Model
@@ -19,6 +20,7 @@ from pdsolve.numerics.memory import aligned
 from pdsolve.zone.cells import FINE, ZoneNumbering, lattice_coordinates
 
 ROOM = 16  # pieces of a node, about
+NEVER = np.zeros(0, dtype=np.int64)
 
 
 class FullBody(NamedTuple):
@@ -34,6 +36,7 @@ class FullBody(NamedTuple):
     stiffness_over_density: float = 0.0  # 1/s^2, of all nodes of any zone: `Operator.stiffness_bound` over density
     solid_cell_count: int = 1  # cells that are not void
     full_drive: Drive | None = None  # conditions on all fine nodes
+    damping_rates: NDArray[np.float64] = np.zeros(0)  # (n,) 1/s, of all fine nodes
 
 
 class BodyZone(NamedTuple):
@@ -45,8 +48,8 @@ class BodyZone(NamedTuple):
     fine_tiles: Tiles  # of bonds whole in fine cells
     coarse_springs: Tiles  # of coarse cells
     clipped_pieces: NDArray[ClippedBondPiece]
-    fine_u: NDArray[np.float64]  # (3, m) displacements of fine sites, m
-    coarse_u: NDArray[np.float64]
+    fine_u: NDArray[np.floating]  # (3, m) displacements of fine sites, m
+    coarse_u: NDArray[np.floating]
 
 
 class ZoneHistory(NamedTuple):
@@ -60,7 +63,6 @@ class ZoneHistory(NamedTuple):
     latest_breaks: Breaks  # bonds that broke in the last step in which any did; rows of nodes may be others since
 
 
-NEVER = np.zeros(0, dtype=np.int64)
 NOTHING = ZoneHistory(NEVER, NEVER, NEVER, 0.0, 0.0, room_for(0))
 
 
@@ -156,21 +158,23 @@ def zone_after_refinement(full_body: FullBody, zone: BodyZone, new_cells: NDArra
     return zone._replace(clipped_pieces=ordered)
 
 
-def create_body_zone(full_body: FullBody, cells: NDArray[np.uint8], springs: Tiles) -> BodyZone:
-    """The zone of cells (c,)."""
+def create_body_zone(
+    full_body: FullBody, cells: NDArray[np.uint8], springs: Tiles, kind: type[np.floating]
+) -> BodyZone:
+    """The zone of cells (c,), whose motion has the precision `kind`."""
     fine, count = full_body.fine_lattice, len(full_body.fine_sites.node)
     numbering = fine.numbering
+    tiles, springs = (tile_bonds.in_precision(_copy_tiles(each), kind) for each in (fine.tiles, springs))
+    tiles.bits[:] = 0
     zone = BodyZone(
         cell_kinds=cells,
         node_kinds=np.zeros(count, dtype=np.uint8),
         has_coarse_node=np.zeros(count, dtype=np.bool_),
-        fine_tiles=fine.tiles._replace(
-            bits=np.zeros_like(fine.tiles.bits), node=fine.tiles.node.copy(), kind=fine.tiles.kind.copy()
-        ),
+        fine_tiles=tiles,
         coarse_springs=springs,
         clipped_pieces=np.empty(0, ClippedBondPiece.fields()),
-        fine_u=aligned(np.zeros((3, full_body.fine_sites.size))),
-        coarse_u=aligned(np.zeros((3, full_body.coarse_sites.size))),
+        fine_u=aligned(np.zeros((3, full_body.fine_sites.size), kind)),
+        coarse_u=aligned(np.zeros((3, full_body.coarse_sites.size), kind)),
     )
     arrangement.set_node_kinds(
         numbering, fine.tiles.node, cells, np.arange(count), zone.node_kinds, zone.has_coarse_node

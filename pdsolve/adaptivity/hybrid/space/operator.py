@@ -143,6 +143,16 @@ class HybridBodyOperator:
         )
         return ModelWithMeanDensities(active_model.grid, active_model.settings, active_model.name, mass / self.volume)
 
+    @property
+    def kind(self) -> np.dtype[Any]:
+        """Precision of the motion."""
+        return self._zone.fine_u.dtype
+
+    @cached_property
+    def damping_rates(self) -> NDArray[np.float64]:
+        """Damping (n,), 1/s, of the current nodes: that of the fine nodes where they are."""
+        return self.full_body.damping_rates[self.rows]
+
     def to_own_layout(self, state: State) -> State:
         """The state itself: its arrays are those of all nodes."""
         return state
@@ -440,11 +450,9 @@ class HybridBodyOperator:
             np.column_stack(lattice_coordinates(self._numbering.cells, np.flatnonzero(new)))
         )
 
-    def interpolate_at_grid_rows(
-        self, grid_rows: NDArray[np.int64], values: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def interpolate_at_grid_rows(self, grid_rows: NDArray[np.int64], values: NDArray[np.floating]) -> NDArray[Any]:
         """Values (k, 3) of rows of the grid `grid_rows` (k,), interpolated from those of the nodes here (n, 3)."""
-        grid_values = np.zeros((len(grid_rows), 3))
+        grid_values = np.zeros((len(grid_rows), 3), values.dtype)
         sites = self.full_body.fine_sites.site[grid_rows].astype(np.int64) - self.full_body.fine_sites.margin
         arrangement.interpolate_at_fine_sites(self._numbering, self._row, values, sites, grid_values)
         return grid_values

@@ -25,7 +25,7 @@ from pdsolve.adaptivity.hybrid.space.materials import (
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.hybrid.space.zone import initial_cell_kinds
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.conditions import Drive, Entries, drive, drive_of, put_loads
+from pdsolve.conditions import Drive, Entries, damping, drive, drive_of, put_loads
 from pdsolve.lattice import tile_bonds
 from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tile_bonds import INVERSE, PULL
@@ -44,8 +44,11 @@ SHEAR = 1e-6  # of the block in which tau is found
 CUBE = 8  # cells along the side of the block in which tau is found
 
 
-def create_body_operator(model: Model, threads: int) -> HybridBodyOperator:
-    """The operator at the start. Raises ModelError for a body that the method does not support."""
+def create_body_operator(model: Model, precision: str, threads: int) -> HybridBodyOperator:
+    """The operator at the start, whose motion has this `precision`.
+
+    Raises ModelError for a body that the method does not support.
+    """
     tiling = tiled(model, np.float64)
     if tiling is None:
         raise create_unsupported_error(
@@ -73,20 +76,29 @@ def create_body_operator(model: Model, threads: int) -> HybridBodyOperator:
     resistance = float((tiling.stiffness_bound / model.rho).max()) / SEAM
     driven = drive(model, model.grid.cells, True, np.float64)
     full_body = full_body._replace(
-        stiffness_over_density=resistance, solid_cell_count=int(np.count_nonzero(cells != VOID)), full_drive=driven
+        stiffness_over_density=resistance,
+        solid_cell_count=int(np.count_nonzero(cells != VOID)),
+        full_drive=driven,
+        damping_rates=damping(model),
     )
-    return create_operator_of_cells(law, full_body, cells, compute_vertex_force_ratio(law, tiles.vectors, h), threads)
+    vertex_force, kind = compute_vertex_force_ratio(law, tiles.vectors, h), np.dtype(precision).type
+    return create_operator_of_cells(law, full_body, cells, vertex_force, threads, kind)
 
 
 def create_operator_of_cells(
-    law: Law, full_body: FullBody, cells: NDArray[np.uint8], vertex_force_ratio: float, threads: int = 1
+    law: Law,
+    full_body: FullBody,
+    cells: NDArray[np.uint8],
+    vertex_force_ratio: float,
+    threads: int = 1,
+    kind: type[np.floating] = np.float64,
 ) -> HybridBodyOperator:
-    """The operator of these cells (c,)."""
+    """The operator of these cells (c,), whose motion has the precision `kind`."""
     bind(law)
     elastic = coarse_springs.cubic_stiffness(full_body.fine_lattice.tiles.vectors)
     strength = coarse_springs.coarse_spring_stiffnesses(elastic, vertex_force_ratio, full_body.fine_sites.spacing)
     springs = coarse_springs.create_spring_tiles(law, full_body.coarse_sites, strength)
-    return HybridBodyOperator(full_body, create_body_zone(full_body, cells, springs), NOTHING, threads)
+    return HybridBodyOperator(full_body, create_body_zone(full_body, cells, springs, kind), NOTHING, threads)
 
 
 def create_full_body(model: Model | None, sites: Sites, tiles: Tiles) -> FullBody:
@@ -172,7 +184,7 @@ def create_conditions_of_current_nodes(operator: HybridBodyOperator, time: float
     profile, axis, node = which.T.astype(np.int64)
     loaded = Entries(node, axis, sums / operator.volume[node], profile, np.zeros(len(node), dtype=np.int64))
     shape = len(operator.volume), operator.unknowns[0].width
-    node_drive = drive_of([], [], [], shape)._replace(
+    node_drive = drive_of([], [], [], shape, operator.kind.type)._replace(
         profiles=every.profiles, loads=loaded, holds=node_holds, varies=every.varies
     )
     node_drive = node_drive._replace(
