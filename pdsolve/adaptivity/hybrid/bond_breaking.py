@@ -61,16 +61,6 @@ def _record_break(zone, step, p, k, breaking_force, stretch_growth):  # type: ig
 
 
 @njit(**INNER)
-def _find_or_add_stiffness_index_of_row(zone, row):  # type: ignore[no-untyped-def]
-    """Index of a row's own stiffnesses, which it gets if it has none."""
-    if zone.fine.stiffness_index_of_row[row] < 0:
-        zone.fine.stiffness_index_of_row[row] = find_or_reserve_stiffness_index(
-            zone.fine.stiffness_index_of_row, zone.counts, row
-        )
-    return zone.fine.stiffness_index_of_row[row]
-
-
-@njit(**INNER)
 def _unsoftened_stiffness_and_history(fine, stiffness_index, k, lane, stiffness, peak, limit):  # type: ignore[no-untyped-def]
     """Stiffness of a bond before it softened, and the largest e it has had above the peak, 0 if it was never there."""
     if peak == limit or fine.threshold_strain[stiffness_index, k, lane] <= peak:
@@ -114,7 +104,8 @@ def soften_and_break_bonds(lattice, zone, u, first_node, count, step):  # type: 
             ):
                 continue
             _mark_damaged_node(zone, p)
-            entry = _find_or_add_stiffness_index_of_row(zone, row)
+            entry = find_or_reserve_stiffness_index(fine.stiffness_index_of_row, zone.counts, row)
+            fine.stiffness_index_of_row[row] = entry
             full_stiffness, past = _unsoftened_stiffness_and_history(fine, entry, k, lane, full_stiffness, peak, limit)
             if peak < limit:
                 _soften_bond(lattice, zone, p, entry, k, e, peak, limit)

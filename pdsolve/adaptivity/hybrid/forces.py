@@ -100,36 +100,15 @@ def _make_fine_row_sum(sum_row: Any) -> Any:
 
     @njit(forceinline=True, **INNER)
     def sum_forces_of_lanes_of_row(lattice, fine, u, stiffness_index, lane, p, lane_sums):  # type: ignore[no-untyped-def]
-        table, ways, shrink, limit = (
-            lattice.spring_table,
-            lattice.neighbour_offsets,
-            fine.negative_half_swelling,
-            lattice.least_strain_bounds[0],
-        )
-        if stiffness_index < 0:
-            return sum_row(u, PLANE, table, ways, None, None, shrink, stiffness_index, lane, p, limit, lane_sums)
+        springs = u, PLANE, lattice.spring_table, lattice.neighbour_offsets
+        shrink, limit, n = fine.negative_half_swelling, lattice.least_strain_bounds[0], stiffness_index
+        if n < 0:
+            return sum_row(*springs, None, None, shrink, n, lane, p, limit, lane_sums)
         if lattice.softens_or_limits_vary:
-            return sum_row(
-                u,
-                PLANE,
-                table,
-                ways,
-                fine.row_stiffness,
-                fine.threshold_strain,
-                shrink,
-                stiffness_index,
-                lane,
-                p,
-                0.0,
-                lane_sums,
-            )
-        if fine.uses_spring_lane_masks[stiffness_index]:
-            return sum_row(
-                u, PLANE, table, ways, fine.spring_lane_masks, None, shrink, stiffness_index, lane, p, limit, lane_sums
-            )
-        return sum_row(
-            u, PLANE, table, ways, fine.row_stiffness, None, shrink, stiffness_index, lane, p, limit, lane_sums
-        )
+            return sum_row(*springs, fine.row_stiffness, fine.threshold_strain, shrink, n, lane, p, 0.0, lane_sums)
+        if fine.uses_spring_lane_masks[n]:
+            return sum_row(*springs, fine.spring_lane_masks, None, shrink, n, lane, p, limit, lane_sums)
+        return sum_row(*springs, fine.row_stiffness, None, shrink, n, lane, p, limit, lane_sums)
 
     return sum_forces_of_lanes_of_row
 
@@ -334,8 +313,7 @@ def _sum_forces_and_move_rows(  # type: ignore[no-untyped-def]
     Rows are those with forces besides the springs', if `has_extra_forces`, or the others. Some are taken at a time, as
     the `job` counts them, until the first thread reaches `stage`. Marks rows with a bond near or over its bound.
     """
-    s, row_stiffness = zone.lane_sums[thread], nodes.row_stiffness
-    dt, limit = lattice.dt, LOOKED_AT * lattice.least_strain_bounds[2]
+    s, dt, limit = zone.lane_sums[thread], lattice.dt, LOOKED_AT * lattice.least_strain_bounds[2]
     wide, u, after = across(s), nodes.u[displacement_buffer_index], nodes.u[1 - displacement_buffer_index]
     while counted(zone.job_counters, STAGE) < stage:
         first = take(zone.job_counters, job) * COARSE_PART
@@ -347,24 +325,11 @@ def _sum_forces_and_move_rows(  # type: ignore[no-untyped-def]
             entry, hot = nodes.stiffness_index_of_row[row], 0
             for lane in range(0, ROW, wide):
                 q = row * ROW + lane
+                lanes = nodes.negative_half_swelling, entry, lane, q, limit, s
                 if entry >= 0:
-                    w, shrink = row_stiffness, nodes.negative_half_swelling
-                    hot |= sum_green(u, PLANE, spring_table, offsets, w, None, shrink, entry, lane, q, limit, s)
+                    hot |= sum_green(u, PLANE, spring_table, offsets, nodes.row_stiffness, None, *lanes)
                 else:
-                    hot |= sum_green(
-                        u,
-                        PLANE,
-                        spring_table,
-                        offsets,
-                        None,
-                        None,
-                        nodes.negative_half_swelling,
-                        entry,
-                        lane,
-                        q,
-                        limit,
-                        s,
-                    )
+                    hot |= sum_green(u, PLANE, spring_table, offsets, None, None, *lanes)
                 if has_extra_forces:
                     add_stored_forces_to_lane_sums(nodes.f, q, wide, s)
                 damp_forces(nodes, q, wide, velocity_lag, s)

@@ -31,26 +31,19 @@ def _half_kick_and_drift_rows(nodes, count, displacement_buffer_index, dt, drift
 
 
 @njit(**INNER)
-def _record_damped_energy_of_rows(nodes, count, dt, lane_sums, begins_sequence):  # type: ignore[no-untyped-def]
-    """Book what damping takes in the first half of a step, with `begins_sequence`, or the last; `lane_sums` scratch."""
-    for n in range(count):
-        p = nodes.active_rows[n] * ROW
-        for k in range(ROW):
-            lane_sums[k], lane_sums[ROW + k] = nodes.f[0, p + k], nodes.f[1, p + k]
-        record_damped_energy(nodes, p, ROW, dt, lane_sums, not begins_sequence, begins_sequence)
-
-
-@njit(**INNER)
 def half_kick_and_drift_all_lattices(lattice, zone, displacement_buffer_index, drifts):  # type: ignore[no-untyped-def]
-    """Half a kick of all nodes and a drift if `drifts`."""
-    counts = zone.counts
+    """Half a kick of all nodes and a drift if `drifts`; what damping takes in that half of a step is booked."""
+    counts, s = zone.counts, zone.lane_sums[0]
     lattices = (
         (zone.fine, counts.active_fine_rows),
         (zone.coarse, counts.active_coarse_rows),
         (zone.far, counts.active_coarsest_rows),
     )
     for nodes, rows in lattices:
-        _record_damped_energy_of_rows(nodes, rows, lattice.dt, zone.lane_sums[0], drifts)
+        for row in nodes.active_rows[:rows]:
+            for k in range(ROW):
+                s[k], s[ROW + k] = nodes.f[0, row * ROW + k], nodes.f[1, row * ROW + k]
+            record_damped_energy(nodes, row * ROW, ROW, lattice.dt, s, not drifts, drifts)
         _half_kick_and_drift_rows(nodes, rows, displacement_buffer_index, lattice.dt, drifts)
 
 

@@ -48,20 +48,14 @@ SPARE = 64  # rows: room for so many more is always kept
 
 
 @njit(**INNER)
-def _list_cells_to_refine_near_damaged_nodes(lattice, zone):  # type: ignore[no-untyped-def]
-    """List the cells to refine near nodes with a broken or softened bond."""
-    numbering, count = lattice.numbering, 0
-    for n in range(zone.counts.refined_damaged_nodes, zone.counts.damaged_nodes):
-        p = zone.damaged_nodes[n]
-        x = lattice_coordinates(numbering.fine, p)
-        count = mark_and_list_new_fine_cells_near(numbering.cells, zone.cell_kinds, x, AHEAD, zone.new_cells, count)
-    return count
-
-
-@njit(**INNER)
 def _list_cells_to_refine_near_stretched_coarse_bonds(lattice, zone, displacement_buffer_index, count):  # type: ignore[no-untyped-def]
     """List the cells to refine near the nodes of a stretched coarse bond; returns their new `count`."""
-    numbering, coarse, u = lattice.numbering, zone.coarse, zone.coarse.u[displacement_buffer_index]
+    numbering, coarse, u, constants = (
+        lattice.numbering,
+        zone.coarse,
+        zone.coarse.u[displacement_buffer_index],
+        lattice.node_constants,
+    )
     table, offsets = lattice.coarse_spring_table, lattice.coarse_neighbour_offsets
     for n in range(zone.counts.active_coarse_rows):
         row = coarse.active_rows[n]
@@ -71,9 +65,11 @@ def _list_cells_to_refine_near_stretched_coarse_bonds(lattice, zone, displacemen
             q = row * ROW + lane
             if coarse.node_kinds[q] == IDLE or _is_coarse_node_unbreakable(lattice, q):
                 continue
+            p = place_on_finer_lattice(numbering.coarse, numbering.fine, 2, q)
+            bound = lattice.strain_bounds[node_constant_at_place(constants, constants.material, p), 2]
             for k in range(len(offsets)):
                 strain = double_green_strain_of_spring(coarse, table, offsets, u, q, k)
-                if strain > _refinement_strain(lattice, q) and not _is_coarse_node_unbreakable(lattice, q + offsets[k]):
+                if strain > bound and not _is_coarse_node_unbreakable(lattice, q + offsets[k]):
                     x = scale_coordinates(lattice_coordinates(numbering.coarse, q), 2)
                     count = mark_and_list_new_fine_cells_near(
                         numbering.cells, zone.cell_kinds, x, AHEAD, zone.new_cells, count
@@ -142,13 +138,6 @@ def _list_cells_to_refine_near_bond_piece_end(lattice, zone, end, count):  # typ
 
 
 @njit(**INNER)
-def _refinement_strain(lattice, q):  # type: ignore[no-untyped-def]
-    """The e of a coarse bond at which the cells beside it are refined."""
-    p = place_on_finer_lattice(lattice.numbering.coarse, lattice.numbering.fine, 2, q)
-    return lattice.strain_bounds[node_constant_at_place(lattice.node_constants, lattice.node_constants.material, p), 2]
-
-
-@njit(**INNER)
 def _is_coarse_node_unbreakable(lattice, q):  # type: ignore[no-untyped-def]
     """Whether the bonds of a coarse node are unbreakable."""
     return is_unbreakable(
@@ -158,40 +147,31 @@ def _is_coarse_node_unbreakable(lattice, q):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _arrays_have_room(zone, new_fine_rows):  # type: ignore[no-untyped-def]
-    """Whether arrays have room for `new_fine_rows` more rows, for new irregular rows, and for all bonds to break."""
-    events = ROW * (zone.counts.active_fine_rows + new_fine_rows) * zone.fine.row_stiffness.shape[1]
-    entries = zone.counts.used_stiffness_rows + new_fine_rows + SPARE
-    return entries <= len(zone.fine.row_stiffness) and zone.counts.broken_bonds + events <= len(zone.break_events.step)
-
-
-@njit(**INNER)
-def _divide_coarsest_cells_if_due(lattice, zone, displacement_buffer_index):  # type: ignore[no-untyped-def]
-    """Make far cells coarse where it is due, before the cells in `zone.new_cells` become fine."""
-    count = zone.counts.new_cells
-    if zone.counts.active_coarsest_rows > 0 and divide_coarsest_cells(lattice, zone, displacement_buffer_index):
-        rebuild_node_lists(lattice, zone)
-        zone.counts.new_cells = count
-        for c in zone.new_cells[:count]:
-            zone.cell_kinds[c] = FINE
-
-
-@njit(**INNER)
 def _refine_cells_if_due(lattice, zone, displacement_buffer_index, checks_stretches):  # type: ignore[no-untyped-def]
     """Refine where noted, or where found if it `checks_stretches`; or note that room is lacking."""
+    counts, numbering, count = zone.counts, lattice.numbering, 0
     if checks_stretches:
-        count = _list_cells_to_refine_near_stretched_coarse_bonds(
-            lattice, zone, displacement_buffer_index, _list_cells_to_refine_near_damaged_nodes(lattice, zone)
-        )
+        for p in zone.damaged_nodes[counts.refined_damaged_nodes : counts.damaged_nodes]:
+            x = lattice_coordinates(numbering.fine, p)
+            count = mark_and_list_new_fine_cells_near(numbering.cells, zone.cell_kinds, x, AHEAD, zone.new_cells, count)
+        count = _list_cells_to_refine_near_stretched_coarse_bonds(lattice, zone, displacement_buffer_index, count)
         if zone.totals.clipped_strain > lattice.least_strain_bounds[2] / 2:
             count = _list_cells_to_refine_near_strained_bond_pieces(lattice, zone, displacement_buffer_index, count)
-        zone.counts.new_cells = count
-        _divide_coarsest_cells_if_due(lattice, zone, displacement_buffer_index)
-    begins, rows = zone.counts.cell_changes == 0, 0
-    if begins or zone.counts.new_cells > 0:
+        counts.new_cells = count
+        if counts.active_coarsest_rows > 0 and divide_coarsest_cells(lattice, zone, displacement_buffer_index):
+            rebuild_node_lists(lattice, zone)
+            counts.new_cells = count
+            for c in zone.new_cells[:count]:
+                zone.cell_kinds[c] = FINE
+    is_due, rows = counts.cell_changes == 0 or counts.new_cells > 0, 0
+    if is_due:
         rows = list_nodes_affected_by_new_cells(lattice, zone)
-    zone.counts.lacks_array_room = not _arrays_have_room(zone, rows)
-    if zone.counts.lacks_array_room == 0 and (begins or zone.counts.new_cells > 0):
+    # room for these rows, for new irregular ones, and for all bonds to break
+    events = ROW * (counts.active_fine_rows + rows) * zone.fine.row_stiffness.shape[1]
+    entries = counts.used_stiffness_rows + rows + SPARE
+    has_room = entries <= len(zone.fine.row_stiffness) and counts.broken_bonds + events <= len(zone.break_events.step)
+    counts.lacks_array_room = not has_room
+    if has_room and is_due:
         refine_cells(lattice, zone, displacement_buffer_index)
 
 

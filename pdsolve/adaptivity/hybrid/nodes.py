@@ -115,19 +115,12 @@ def set_coarse_node_properties(lattice, cells, fine, coarse, q):  # type: ignore
         for dy in (-1, 0, 1):
             for dx in (-1, 0, 1):
                 p = place_number_at(numbering.fine, (2 * x + dx, 2 * y + dy))
-                mass += _mass_lumped_from_fine_node(lattice, coarse.node_kinds, fine, p, q)
+                if fine.node_kinds[p] == BORDER:
+                    a, b, w = coarse_interpolation_nodes_of_border_node(lattice, coarse.node_kinds, p)
+                    w = max(w, 0.0)  # mass goes to the next one
+                    mass += fine.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
     coarse.mass[q] = mass
     coarse.inverse_mass[q] = 1 / mass if mass > 0 and not tied else 0.0
-
-
-@njit(**INNER)
-def _mass_lumped_from_fine_node(lattice, node_kinds, fine, p, q):  # type: ignore[no-untyped-def]
-    """Mass that a fine node passes to coarse node q."""
-    if fine.node_kinds[p] != BORDER:
-        return 0.0
-    a, b, w = coarse_interpolation_nodes_of_border_node(lattice, node_kinds, p)
-    w = max(w, 0.0)  # mass goes to the next one
-    return fine.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
 
 
 @njit(**INNER)
@@ -297,22 +290,16 @@ def set_coarsest_node_properties(lattice, zone, q):  # type: ignore[no-untyped-d
         stiffness = _coarsest_spring_stiffness(lattice, zone.cell_kinds, x, y, k)
         set_spring_stiffness(far, q, k, stiffness, lattice.coarsest_spring_table)
     if mass > 0:
-        mass += _mass_lumped_from_coarse_nodes(lattice.numbering, zone.coarse, q)
+        passed_mass = 0.0
+        for n in range(9):
+            column, row = 2 * x + n % 3 - 1, 2 * y + n // 3 - 1
+            p = place_number_at(lattice.numbering.coarse, (column, row))
+            if zone.coarse.node_kinds[p] == BORDER:
+                a, b, w = coarsest_interpolation_nodes_of_coarse_node(lattice.numbering, column, row)
+                passed_mass += zone.coarse.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
+        mass += passed_mass
     far.mass[q] = mass
     far.inverse_mass[q] = 1 / mass if mass > 0 else 0.0
-
-
-@njit(**INNER)
-def _mass_lumped_from_coarse_nodes(numbering, coarse, q):  # type: ignore[no-untyped-def]
-    """Mass that coarse nodes pass to far node q."""
-    (x, y), mass = lattice_coordinates(numbering.far, q), 0.0
-    for n in range(9):
-        column, row = 2 * x + n % 3 - 1, 2 * y + n // 3 - 1
-        p = place_number_at(numbering.coarse, (column, row))
-        if coarse.node_kinds[p] == BORDER:
-            a, b, w = coarsest_interpolation_nodes_of_coarse_node(numbering, column, row)
-            mass += coarse.mass[p] * ((1 - w if a == q else 0.0) + (w if b == q else 0.0))
-    return mass
 
 
 @njit(**INNER)
