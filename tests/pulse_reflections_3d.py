@@ -75,7 +75,6 @@ def _column(bonds: NDArray[np.float64], cells: int, more: int, backwards: bool, 
     if seam:
         kinds[:, :, cells:] = last
     return create_operator_of_cells(
-        LAW,
         whole,
         np.pad(kinds, whole.fine_lattice.numbering.cells.margins[0], constant_values=VOID).ravel(),
         compute_vertex_force_ratio(LAW, bonds, 1.0),

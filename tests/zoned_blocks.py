@@ -33,7 +33,7 @@ def at_random(whole: FullBody, margin: int, tau: float) -> HybridBodyOperator:
     cells = np.full(numbering.counts[::-1], COARSE, dtype=np.uint8)
     inner = cells[(slice(margin, -margin),) * 3]
     inner[:] = np.where(some.random(inner.shape) < 0.5, FINE, COARSE)
-    return create_operator_of_cells(LAW, whole, np.pad(cells, numbering.margins[0], constant_values=VOID).ravel(), tau)
+    return create_operator_of_cells(whole, np.pad(cells, numbering.margins[0], constant_values=VOID).ravel(), tau)
 
 
 def place(operator: HybridBodyOperator) -> NDArray[np.float64]:

@@ -266,7 +266,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(SPACE, ZONES, PARTICLES, EQ19, THESIS),
     *excluded(SPACE, MICROPOLAR, use=OTHERS),
     *excluded(SPACE, PINS, use="none"),
-    *excluded(BODIES, HEAT, LAW),
+    *excluded(BODIES, HEAT),
     *excluded(HEAT, SOLID, IMPLICIT, SOFTENING, ZONES, PARTICLES, START, DISPLACED, THESIS),
     *excluded(HEAT, COUNT, use="run.time_step and steps"),
     *excluded(CONTACT, HEAT, because=NO_HEAT),

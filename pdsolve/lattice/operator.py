@@ -315,7 +315,7 @@ class TileLattice(LatticeOperator):
             self._add(state, out, step, dt)
 
     def _add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
-        self._place(state.value)
+        self.place_displacements(state.value)
         broken_by_tile: list[tuple[int, Breaks]] = []  # first tile of a sum, and the bonds that broke in it
         waiting: list[int] = []  # tiles whose bonds soften for the first time
         room = ROOM * ROW * len(self.tiles.offsets)
@@ -357,7 +357,7 @@ class TileLattice(LatticeOperator):
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """The energy densities (n,), J/m^3, that nodes hold, and that softening has spent so far."""
-        self._place(state.value)
+        self.place_displacements(state.value)
         strain_energy, spent = np.zeros((2, len(self._stiffness_bound)))
         tiles, u = self.tiles, self.u[0]
         self._share(lambda first, last: sum_energies(tiles, tiles, u, strain_energy, spent, first, last, None))
@@ -435,7 +435,11 @@ class TileLattice(LatticeOperator):
             self.tiles = tile_bonds.with_memory(tile_bonds.without_memory(self.tiles), np.unique(tile))
             recall(self.tiles, tile, slot, np.log2(bit).astype(np.int64), worst)
         self.tiles.bits[:] = bits
-        self._broken, self._new = Broken(*(column.astype(np.int64) for column in broken)), []
+        self.take_over(Broken(*(column.astype(np.int64) for column in broken)), self.pending)
+
+    def take_over(self, broken: Broken, pending: Breaks) -> None:
+        """Take over the bonds that are broken so far, and of these those that pull once more."""
+        self._broken, self._new, self.pending = broken, [], pending
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""
@@ -455,7 +459,8 @@ class TileLattice(LatticeOperator):
         np.bitwise_or.at(bits, (tile - low, slot), bit)
         return bits, low
 
-    def _place(self, value: NDArray[Any]) -> None:
+    def place_displacements(self, value: NDArray[Any]) -> None:
+        """Place the displacements (n, d), m, of nodes at their sites, `u[0]`."""
         nodes = len(self._stiffness_bound)
         share(lambda first, last: place_rows(self.sites.site, value, self.u[0], first, last), nodes, self.threads)
 

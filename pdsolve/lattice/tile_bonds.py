@@ -122,8 +122,8 @@ def with_memory(tiles: Tiles, tile_numbers: NDArray[np.int64]) -> Tiles:
 
 def without_memory(tiles: Tiles) -> Tiles:
     """The tiles without a memory."""
+    tiles.kind[tiles.memory >= 0] -= np.uint8(SOFTENED)
     tiles.memory[:] = -1
-    classify_tiles(tiles)
     return tiles._replace(share=tiles.share[:0], worst=tiles.worst[:0])
 
 

@@ -221,7 +221,6 @@ def test_refining_looks_at_all_that_changes() -> None:
     assert near[1] - near[0] == pytest.approx(made[1] - made[0], abs=1e-12 * made[0])
     assert abs(made[1] - made[0]) > 1e-6 * made[0]
     again = create_operator_of_cells(
-        LAW,
         before.full_body,
         before.cell_kinds.copy(),
         compute_vertex_force_ratio(LAW, before.full_body.fine_lattice.tiles.vectors, H),

@@ -1,11 +1,11 @@
 """Tangent of the forces on all lattices: fine bonds, springs of coarse and far nodes, pieces of clipped bonds.
 
-All of them are springs between points: fine, coarse and far nodes and ends of pieces, in this order. A point moves with
-independent nodes by weights, and passes its forces to them by the same weights.
+All of them are springs between points: fine, coarse and far nodes and ends of pieces, in this order.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -15,7 +15,8 @@ from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron, vst
 from pdsolve.adaptivity.hybrid.arrays import LatticeNodes
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.operators.tangent import of_green_springs, of_springs
+from pdsolve.operators.tangent import of_followers
+from pdsolve.zone.tangent import SpringsBetweenPoints, tangent_of_springs
 
 
 class PointInterpolationWeights(NamedTuple):
@@ -55,7 +56,11 @@ def create_point_interpolation_weights(
         entries = border[:entry_count]
         tied = rows[entries["border_node"]].astype(np.int64)
         interpolation_nodes = ends[np.column_stack([entries["first_coarser_node"], entries["second_coarser_node"]])]
-        of_node = of_node + _two_point_interpolation_matrix(tied, interpolation_nodes, entries["second_weight"], nodes)
+        w, twice = entries["second_weight"], np.tile(tied, 2)
+        of_node = (
+            of_node
+            + coo_array((np.concatenate([1 - w, w]), (twice, interpolation_nodes.T.ravel())), (nodes, nodes)).tocsr()
+        )
         independent[tied] = 0.0
     of_node = (of_node + diags_array(independent)).tocsr()
 
@@ -75,20 +80,11 @@ def create_point_interpolation_weights(
         rows = row_of_coarse[ends]
         rows[on_fine] = row_at_place[a[on_fine], None]
         w = np.where(on_fine, 0.0, piece_ends["second_weight"])
-        point_blocks.append(_two_point_interpolation_matrix(np.arange(entry_count), rows, w, nodes, entry_count))
+        point_blocks.append(of_followers(rows, np.column_stack([1 - w, w]), nodes))
     of_end = len(node_rows) + np.arange(2 * entry_count).reshape(2, entry_count)
     return PointInterpolationWeights(
         of_node, (vstack(point_blocks) @ of_node).tocsr(), of_fine, of_coarse, of_far, of_end
     )
-
-
-def _two_point_interpolation_matrix(
-    rows: NDArray[np.int64], ends: NDArray[np.int64], w: NDArray[np.float64], nodes: int, count: int | None = None
-) -> csr_array:
-    """Weights (`count` or `nodes`, `nodes`) of `rows` between two `ends` (k, 2), at the share `w` from the first."""
-    twice = np.tile(rows, 2)
-    entries = np.concatenate([1 - w, w]), (twice, np.concatenate([ends[:, 0], ends[:, 1]]))
-    return coo_array(entries, (nodes if count is None else count, nodes)).tocsr()
 
 
 def assemble_tangent(
@@ -105,38 +101,29 @@ def assemble_tangent(
     """
     tied = kron(points.node_weights, eye_array(2)).tocsr()
     density, lightness = (diags_array(np.repeat(field, 2)) for field in (rho, inverse_mass))
-    return (density @ tied @ lightness @ _force_tangent(hybrid, points, value)).tocsr()
+    force_tangent = tangent_of_springs(points.point_weights, value, _springs_of_lattices_and_pieces(hybrid, points))
+    return (density @ tied @ lightness @ force_tangent).tocsr()
 
 
-def _force_tangent(hybrid: HybridEngine, points: PointInterpolationWeights, value: NDArray[np.float64]) -> csr_array:
-    """Minus the derivative (2 n, 2 n), N/m^2, of the forces (n, 2), N/m, on independent nodes."""
+def _springs_of_lattices_and_pieces(
+    hybrid: HybridEngine, points: PointInterpolationWeights
+) -> Iterator[SpringsBetweenPoints]:
+    """The fine bonds, the springs of coarse and far nodes, and the pieces of clipped bonds, from both ends."""
     zone, lattice = hybrid.zone, hybrid.lattice
-    u = points.point_weights @ value
-    fine = np.flatnonzero(points.point_at_fine_place >= 0)
-    node, k, stiffness = _list_springs(zone.fine, fine, lattice.spring_table)
-    xi = lattice.spring_table[k, :2]
-    source, target = (
-        points.point_at_fine_place[fine[node]],
-        points.point_at_fine_place[fine[node] + lattice.neighbour_offsets[k]],
-    )
-    matrix = of_springs(source, target, xi, stiffness * np.sqrt((xi**2).sum(axis=1)), u)
-
-    for nodes, number, table, ways in (
+    for nodes, point_at, table, offsets in (
+        (zone.fine, points.point_at_fine_place, lattice.spring_table, lattice.neighbour_offsets),
         (zone.coarse, points.point_at_coarse_place, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets),
         (zone.far, points.point_at_coarsest_place, lattice.coarsest_spring_table, lattice.coarsest_neighbour_offsets),
     ):
-        places = np.flatnonzero(number >= 0)
+        places, uses_green_strain = np.flatnonzero(point_at >= 0), nodes is not zone.fine
         node, k, stiffness = _list_springs(nodes, places, table)
-        source, target = number[places[node]], number[places[node] + ways[k]]
-        matrix += of_green_springs(source, target, table[k, :2], stiffness, u)
-
-    piece_count, (first, second) = int(zone.counts.clipped_pieces), points.piece_end_points
-    piece = zone.clipped_pieces.springs[:piece_count]
+        source, target, xi = point_at[places[node]], point_at[places[node] + offsets[k]], table[k, :2]
+        stiffness = stiffness if uses_green_strain else stiffness * np.sqrt((xi**2).sum(axis=1))
+        yield SpringsBetweenPoints(source, target, xi, stiffness, uses_green_strain)
+    piece, (first, second) = zone.clipped_pieces.springs[: zone.counts.clipped_pieces], points.piece_end_points
     piece_xi = np.column_stack([piece["xi_x"], piece["xi_y"]])
     for near, far, sign in ((first, second, 1.0), (second, first, -1.0)):
-        matrix += of_green_springs(near, far, sign * piece_xi, piece["stiffness"], u)
-    point_matrix = kron(points.point_weights, eye_array(2)).tocsr()
-    return (point_matrix.T @ matrix @ point_matrix).tocsr()
+        yield SpringsBetweenPoints(near, far, sign * piece_xi, piece["stiffness"], True)
 
 
 def _list_springs(

@@ -27,7 +27,6 @@ from pdsolve.zone.cells import (
     FREE,
     VOID,
     ZoneNumbering,
-    cell_at,
     cell_corner,
     corner_number_in_cell,
     count_cells_of_kind_around,
@@ -214,19 +213,12 @@ def _set_bond_piece(fine, site, x, k, first, last, sides, piece):  # type: ignor
     back = at_node[last, 1] and not at_node[first, 0]
     piece.owner_site, piece.piece_kind = site, 2 * (first * PARTS + last - first) + back
     piece.near_end_place, piece.far_end_place = (far, near) if back else (near, far)
-    piece.stiffness = _bond_stiffness(fine, site, slot) / (sides * length)
+    place = tiles.margin + site
+    density_factor = stiffness(tiles, tiles.vectors[slot], site // ROW, place, tiles.offsets[slot])
+    piece.stiffness = tiles.cells[VOLUME, place] * fine.node_volume * density_factor / (sides * length)
     i, j = tiles.node[site], tiles.node[site + tiles.offsets[slot]]
     scale = fine.limit_strain_ratio_of_pair[pair_number(tiles, i, j)]
     piece.limit_strain_ratio = 0.0 if tiles.unbreakable[i] or tiles.unbreakable[j] else scale
-
-
-@njit(**INNER)
-def _bond_stiffness(fine, site, slot):  # type: ignore[no-untyped-def]
-    """The stiffness of a whole bond, N/m."""
-    tiles = fine.tiles
-    at = tiles.margin + site
-    w = stiffness(tiles, tiles.vectors[slot], site // ROW, at, tiles.offsets[slot])
-    return tiles.cells[VOLUME, at] * fine.node_volume * w
 
 
 # Where a part of a bond of fine node x begins or ends, h / unit: `at` (3,) from the corner of the node's cell
@@ -295,7 +287,7 @@ def fill_piece_end_interpolation_nodes(fine, node_kinds, places, points):  # typ
         for axis in range(3):
             at_node &= x[axis] % unit == 0
         if at_node and node_kinds[node] == FREE:
-            _set_node_as_only_interpolation_node(node, sites, w)
+            sites[:], w[:], w[0] = node, 0.0, 1.0
         else:
             _fill_coarse_interpolation_weights(numbering, x, 2 * unit, sites, w)
         points.interpolation_node_count[n] = 0
@@ -335,14 +327,6 @@ def list_distinct_bond_piece_vectors(
     unique_xi = xi[which]
     both = np.stack([unique_xi, unique_xi * [-1, -1, -1, 1]], axis=1).reshape(-1, 4)
     return np.column_stack([2 * direction.ravel(), 2 * direction.ravel() + 1]).ravel().astype(np.int32), aligned(both)
-
-
-@njit(**INNER)
-def _set_node_as_only_interpolation_node(node, sites, w):  # type: ignore[no-untyped-def]
-    """Fill the sites and weights (4,) of a node."""
-    for n in range(ENDS):
-        sites[n], w[n] = node, 0.0
-    w[0] = 1.0
 
 
 @njit(**INNER)
@@ -391,25 +375,6 @@ def lump_fine_values_to_coarse_nodes(fine, node_kinds, coarse_sites, fine_values
                 coarse_values[n] += share * fine_values[site]
 
 
-@cached_njit(error_model="numpy")
-def interpolate_at_fine_sites(numbering, row_at_site, node_values, fine_sites, fine_values):  # type: ignore[no-untyped-def]
-    """Fill `fine_values` (k, 3) with those of fine nodes at the sites `fine_sites`, from `node_values` (n, 3).
-
-    Nodes that were there before are those with a `row_at_site` (sites,) of at least 0; others lie in coarse cells, and
-    have the mean of the coarse nodes that they lie between.
-    """
-    for n in range(len(fine_sites)):
-        x, row, share = lattice_coordinates(numbering.fine, fine_sites[n]), row_at_site[fine_sites[n]], 1.0
-        for axis in range(3):
-            fine_values[n, axis] = node_values[row, axis] if row >= 0 else 0.0
-            share /= 1 + (x[axis] & 1)
-        for number in range(1 << len(x)):
-            if row < 0 and number & ~corner_number_in_cell(x) == 0:
-                end = place_number_at(numbering.fine, scale_coordinates(cell_corner(cell_at(x), number), 2))
-                for axis in range(3):
-                    fine_values[n, axis] += node_values[row_at_site[end], axis] * share
-
-
 @cached_njit(nogil=True, error_model="numpy")
 def count_bonds_of_sites(sites, row_at_site, offsets, bits):  # type: ignore[no-untyped-def]
     """Number (k,) of the bonds of nodes at these sites to nodes, which have a `row_at_site` of at least 0."""
@@ -420,15 +385,3 @@ def count_bonds_of_sites(sites, row_at_site, offsets, bits):  # type: ignore[no-
             if (bits[tile, slot] >> lane) & np.uint16(1) and row_at_site[sites[n] + offsets[slot]] >= 0:
                 counts[n] += 1
     return counts
-
-
-@cached_njit(nogil=True, error_model="numpy")
-def list_bond_targets(sites, row_at_site, offsets, bits, target):  # type: ignore[no-untyped-def]
-    """Fill the rows of the targets of these bonds."""
-    at = 0
-    for n in range(len(sites)):
-        tile, lane = sites[n] // ROW, np.uint16(sites[n] % ROW)
-        for slot in range(len(offsets)):
-            if (bits[tile, slot] >> lane) & np.uint16(1) and row_at_site[sites[n] + offsets[slot]] >= 0:
-                target[at] = row_at_site[sites[n] + offsets[slot]]
-                at += 1

@@ -14,18 +14,19 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
 from pdsolve.lattice import tile_bonds
 from pdsolve.lattice.sites import Sites
-from pdsolve.lattice.tiles import Breaks, Tiles, room_for
+from pdsolve.lattice.tiles import Tiles
+from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.numerics.memory import aligned
 from pdsolve.zone.cells import FINE, ZoneNumbering, lattice_coordinates
 
 ROOM = 16  # pieces of a node, about
-NEVER = np.zeros(0, dtype=np.int64)
 
 
 class FullBody(NamedTuple):
     """What does not change: the body with all its fine nodes."""
 
+    law: Law
     model: Model | None  # None of a block alone
     fine_lattice: FineLattice
     fine_sites: Sites
@@ -48,49 +49,14 @@ class BodyZone(NamedTuple):
     fine_tiles: Tiles  # of bonds whole in fine cells
     coarse_springs: Tiles  # of coarse cells
     clipped_pieces: NDArray[ClippedBondPiece]
-    fine_u: NDArray[np.floating]  # (3, m) displacements of fine sites, m
-    coarse_u: NDArray[np.floating]
+    coarse_u: NDArray[np.floating]  # (3, m) displacements of coarse sites, m
 
 
 class ZoneHistory(NamedTuple):
-    """Broken bonds and energies so far of a run whose operator is created anew when cells become fine."""
+    """Books of a run whose operator is created anew when cells become fine."""
 
-    break_step: NDArray[np.int64]  # (b,) when directed bonds broke
-    broken_source: NDArray[np.int64]  # (b,) fine sites, or rows of the grid
-    broken_target: NDArray[np.int64]
     refinement_energy: float  # J, in the plane per unit thickness: energy that refining has made
     largest_clipped_strain: float  # of bonds that do not break: e, or stretch over their limit
-    latest_breaks: Breaks  # bonds that broke in the last step in which any did; rows of nodes may be others since
-
-
-NOTHING = ZoneHistory(NEVER, NEVER, NEVER, 0.0, 0.0, room_for(0))
-
-
-Ends = tuple[NDArray[np.int32], NDArray[np.float64]]
-Bonds = tuple[Tiles, Sites, NDArray[np.int64], NDArray[np.float64], bool]
-
-
-class SpringNetwork(NamedTuple):
-    """What springs there are between n nodes, for a tangent."""
-
-    node_volume: NDArray[np.float64]  # (n,) m^3
-    border_interpolation_nodes: Ends  # rows and weights of the nodes that move fine nodes on the border
-    piece_end_interpolation_nodes: Ends  # likewise of the points at which pieces end
-    piece_end_points: NDArray[np.int32]  # (p, 2) points of pieces
-    fine_bonds: Bonds  # of fine nodes: tiles, sites of points, points, what densities are of, and whether shares count
-    coarse_springs: Bonds
-    piece_xi: NDArray[np.float64]  # (p, 3) m, of pieces
-    piece_stiffness: NDArray[np.float64]  # (p,) N/m
-
-
-def list_bonds_of_sites(
-    sites: NDArray[np.int64], rows: NDArray[np.int64], row_at_site: NDArray[np.int32], tiles: Tiles
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Source and target rows (k,) of the bonds of nodes at these sites, whose rows are `rows`."""
-    count = arrangement.count_bonds_of_sites(sites, row_at_site, tiles.offsets, tiles.bits)
-    target = np.zeros(int(count.sum()), dtype=np.int64)
-    arrangement.list_bond_targets(sites, row_at_site, tiles.offsets, tiles.bits, target)
-    return np.repeat(rows, count), target
 
 
 def mask_near_cells(
@@ -118,7 +84,9 @@ def coarse_nodes_at_cell_corners(new_cells: NDArray[np.int64]) -> NDArray[np.int
 
 
 def _copy_tiles(tiles: Tiles) -> Tiles:
-    return tiles._replace(bits=tiles.bits.copy(), node=tiles.node.copy(), kind=tiles.kind.copy())
+    return tiles._replace(
+        bits=tiles.bits.copy(), node=tiles.node.copy(), kind=tiles.kind.copy(), memory=tiles.memory.copy()
+    )
 
 
 def zone_after_refinement(full_body: FullBody, zone: BodyZone, new_cells: NDArray[np.int64]) -> BodyZone:
@@ -173,7 +141,6 @@ def create_body_zone(
         fine_tiles=tiles,
         coarse_springs=springs,
         clipped_pieces=np.empty(0, ClippedBondPiece.fields()),
-        fine_u=aligned(np.zeros((3, full_body.fine_sites.size), kind)),
         coarse_u=aligned(np.zeros((3, full_body.coarse_sites.size), kind)),
     )
     arrangement.set_node_kinds(

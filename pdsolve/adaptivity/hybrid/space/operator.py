@@ -7,8 +7,8 @@ nodes, and the springs of coarse cells; pieces of clipped bonds never break.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
-from threading import RLock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,37 +18,27 @@ from pdsolve.adaptivity.hybrid.arrays import AHEAD
 from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_rows_with_spacing_and_areas
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
+from pdsolve.adaptivity.hybrid.space.clipped_pieces import TOGETHER
 from pdsolve.adaptivity.hybrid.space.layout import (
     BodyZone,
     FullBody,
-    SpringNetwork,
     ZoneHistory,
     coarse_nodes_at_cell_corners,
-    list_bonds_of_sites,
     mask_near_cells,
     zone_after_refinement,
 )
 from pdsolve.adaptivity.hybrid.space.materials import ModelWithMeanDensities, fine_node_masses
 from pdsolve.adaptivity.hybrid.space.zone import refine_cells_within_radius
 from pdsolve.bonds.assembly import Counted
-from pdsolve.checkpoint_validation import PendingPulls, entry, like, pending_to_arrays, read_pending_pulls
+from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import CheckpointError, FineZoneTooLateError
 from pdsolve.lattice import tile_bonds
 from pdsolve.lattice.energies import sum_energies
-from pdsolve.lattice.operator import ROOM
+from pdsolve.lattice.operator import TileLattice
 from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.sums import sum_some, sum_tiles
-from pdsolve.lattice.tiles import (
-    EMPTY,
-    VOLUME,
-    Breaks,
-    Tiles,
-    copy_breaks,
-    join_breaks,
-    pull_all_again,
-    room_for,
-)
+from pdsolve.lattice.tiles import EMPTY, SOFTENED, VOLUME, Tiles, room_for
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import CheckpointArrays
@@ -58,6 +48,8 @@ from pdsolve.zone.springs import double_green_strain_from_stretch
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
+
+    from pdsolve.zone.tangent import SpringsBetweenPoints
 
 
 class HybridBodyOperator:
@@ -89,19 +81,28 @@ class HybridBodyOperator:
         self.volume = self._lump_fine_values_to_current_nodes(volume)
         self._border_volume = volume[self._border]
         tiles, springs = self._tiles_with_node_numbers(zone.fine_tiles), zone.coarse_springs
+        points = (margin + np.append(self.sites, self._border)).astype(np.int32)
+        sites, bound = full_body.fine_sites._replace(site=points, node=tiles.node), np.zeros(len(points))
+        self.fine_bonds = TileLattice(full_body.law, tiles, sites, bound, True, threads)  # of nodes and border nodes
         springs.node[:] = -1
         springs.node[self._coarse_sites_at(self.sites[self._coarse])] = self._coarse
         springs = springs._replace(unbreakable=np.ones(nodes, np.bool_), material=np.zeros(nodes, np.uint8))
-        self._zone = zone._replace(fine_tiles=tiles, coarse_springs=springs)
+        self._zone = zone._replace(coarse_springs=springs)
         self._coarse_sites = self.full_body.coarse_sites.margin + self._coarse_sites_at(self.sites[self._coarse])
         self._force, self._density = np.zeros((nodes, 3)), np.zeros((nodes + border, 3))
-        self._known = Broken(*np.zeros((3, 0), dtype=np.int64))
-        self._new: list[Broken] = []
-        self._breaking = RLock()  # held while bits and broken bonds disagree: results ask for both during a march
+        self._point_u = np.zeros((nodes + border, 3), self.kind)  # of nodes and border nodes
 
     @property
     def _numbering(self) -> ZoneNumbering:
         return self.full_body.fine_lattice.numbering
+
+    @cached_property
+    def _spring_sites(self) -> Sites:
+        """The coarse sites of nodes, 0 of those that are none."""
+        at = self.full_body.coarse_sites
+        site = np.full(len(self.sites), at.margin, dtype=np.int32)
+        site[self._coarse] = self._coarse_sites
+        return at._replace(site=site, node=self._zone.coarse_springs.node)
 
     def _lump_fine_values_to_current_nodes(self, fine_values: NDArray[np.floating]) -> NDArray[np.float64]:
         """What nodes (n,) have of what is the fine nodes' `fine_values` (sites,)."""
@@ -123,7 +124,7 @@ class HybridBodyOperator:
         tiles.node[:] = np.where(zone.node_kinds == FREE, self._row, -1)
         tiles.node[self._border] = nodes + np.arange(len(self._border))
         has_node = (tiles.node.reshape(-1, ROW) >= 0).any(axis=1)
-        tiles.kind[:] = np.where(has_node, full_tiles.kind, EMPTY)
+        tiles.kind[:] = np.where(has_node, full_tiles.kind + np.uint8(SOFTENED) * (tiles.memory >= 0), EMPTY)
         every = np.concatenate([self.rows, full_tiles.node[self._border]])
         unbreakable = full_tiles.unbreakable[every]
         unbreakable[nodes:] = True
@@ -146,7 +147,7 @@ class HybridBodyOperator:
     @property
     def kind(self) -> np.dtype[Any]:
         """Precision of the motion."""
-        return self._zone.fine_u.dtype
+        return self._zone.coarse_u.dtype
 
     @cached_property
     def damping_rates(self) -> NDArray[np.float64]:
@@ -157,22 +158,23 @@ class HybridBodyOperator:
         """The state itself: its arrays are those of all nodes."""
         return state
 
-    def _set_displacements(self, value: NDArray[np.float64]) -> None:
-        zone, margin = self._zone, self.full_body.fine_sites.margin
-        pieces.copy_displacements_to_sites(self._free, margin + self.sites[self._free], value, zone.fine_u)
-        pieces.copy_displacements_to_sites(self._coarse, self._coarse_sites, value, zone.coarse_u)
-        pieces.interpolate_border_displacements(margin + self._border, self._on, self._w, value, zone.fine_u)
+    def _set_displacements(self, value: NDArray[np.floating]) -> NDArray[np.floating]:
+        """Set displacements (n, 3), m, of coarse nodes; returns those of nodes and border nodes."""
+        point_u, nodes = self._point_u, len(self.sites)
+        point_u[:nodes] = value
+        pieces.interpolate_border_displacements(self._on, self._w, value, point_u[nodes:])
+        pieces.copy_displacements_to_sites(self._coarse, self._coarse_sites, value, self._zone.coarse_u)
+        return point_u
 
     def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, 3), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long.
 
         Raises FineZoneTooLateError if a clipped bond exceeds its limit.
         """
-        self._set_displacements(state.value)
+        points = self._set_displacements(state.value)
         zone, nodes, force, density = self._zone, len(self.sites), self._force, self._density
         force[:], density[:] = 0, 0
-        with self._breaking:
-            self._sum_forces_and_break_bonds(state, step, dt)
+        self.fine_bonds.accumulate_force(state._replace(value=points), density, step, dt)
         nothing = room_for(ROW * len(zone.coarse_springs.offsets) + 1)
         of_state = state.rate, dt, 0, force, state.dissipated
 
@@ -194,42 +196,6 @@ class HybridBodyOperator:
     def _least_peak_strain(self) -> float:
         return float(double_green_strain_from_stretch(self.full_body.fine_lattice.tiles.peak.min()))
 
-    def _sum_forces_and_break_bonds(self, state: State, step: int, dt: float) -> None:
-        zone, density = self._zone, self._density
-        broken_by_tile: list[tuple[int, Breaks]] = []
-        room = ROOM * ROW * len(zone.fine_tiles.offsets)
-
-        def work(first: int, last: int) -> None:
-            breaks = room_for(room)
-            while first < last:
-                begin, breaks.used[0] = first, 0
-                of_state = state.rate, dt, step, density, state.dissipated
-                first = sum_tiles(zone.fine_tiles, zone.fine_u, *of_state, breaks, first, last)
-                if breaks.used[0]:
-                    broken_by_tile.append((begin, copy_breaks(breaks)))
-
-        pull_all_again(zone.fine_tiles, zone.fine_u, state.rate, dt, step, self.history.latest_breaks, density)
-        share(work, len(zone.fine_tiles.kind), self._threads)
-        if broken_by_tile:
-            pending = join_breaks([breaks for _, breaks in sorted(broken_by_tile, key=lambda one: one[0])])
-            broken = Broken(*pending.bonds.T)
-            self._remove_broken_from_full_body(broken.source, broken.target)
-            self._new.append(broken)
-            self.history = self.history._replace(latest_breaks=pending)
-
-    def _remove_broken_from_full_body(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> None:
-        """Take broken bonds out of those of the whole body too, so that none is there again."""
-        bits = self.full_body.fine_lattice.tiles.bits
-        tile, slot, bit = tile_bonds.find_slots(self._node_sites, source, target)
-        np.bitwise_and.at(bits, (tile, slot), ~bit)
-
-    @cached_property
-    def _node_sites(self) -> Sites:
-        """The fine sites of the nodes; -1 for those on the border that are none."""
-        return self.full_body.fine_sites._replace(
-            site=(self.full_body.fine_sites.margin + self.sites).astype(np.int32), node=self._row
-        )
-
     def force_densities_near_new_cells(
         self, state: State, new_cells: NDArray[np.int64]
     ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -239,11 +205,11 @@ class HybridBodyOperator:
         which = mask_near_cells(numbering, new_cells, reach + 1)[
             self.sites
         ]  # the ends of pieces move with nodes up to 2 h from them
-        self._set_displacements(state.value)
-        zone, density, force = self._zone, self._density, self._force
+        self.fine_bonds.place_displacements(self._set_displacements(state.value))
+        zone, density, force, bonds = self._zone, self._density, self._force, self.fine_bonds
         force[:], density[:] = 0, 0
         for tiles, u, out, site_mask in (
-            (zone.fine_tiles, zone.fine_u, density, mask_near_cells(numbering, new_cells, reach + 2)),
+            (bonds.tiles, bonds.u[0], density, mask_near_cells(numbering, new_cells, reach + 2)),
             (zone.coarse_springs, zone.coarse_u, force, np.ones(len(zone.coarse_springs.node), dtype=np.bool_)),
         ):
             sum_some(tiles, u, state.rate, out, state.dissipated, site_mask)
@@ -266,30 +232,28 @@ class HybridBodyOperator:
         return out * self.volume[:, None]
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Strain energy densities (n,), J/m^3, and zeros: no bond softens."""
-        every, above = (
-            np.ones(len(site_values), dtype=np.bool_)
-            for site_values in (self._zone.node_kinds, self._zone.coarse_springs.node)
-        )
-        return self._energy_densities(state, every, above), np.zeros(len(self.sites))
+        """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""
+        zone = self._zone
+        every, above = (np.ones(len(sites), dtype=np.bool_) for sites in (zone.node_kinds, zone.coarse_springs.node))
+        return self._energy_densities(state, every, above)
 
     def energies_near_new_cells(self, state: State, new_cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """Strain energy densities (n,), J/m^3, without bonds that are as before `new_cells` (k, 3) became fine."""
         site_mask = mask_near_cells(self._numbering, new_cells, self.full_body.fine_lattice.reach - 1)
         above = np.zeros(len(self._zone.coarse_springs.node), np.bool_)
         above[place_number_at(self._numbering.coarse, tuple(coarse_nodes_at_cell_corners(new_cells).T))] = True
-        return self._energy_densities(state, site_mask, above)
+        return self._energy_densities(state, site_mask, above)[0]
 
     def _energy_densities(
         self, state: State, site_mask: NDArray[np.bool_], coarse_site_mask: NDArray[np.bool_]
-    ) -> NDArray[np.float64]:
-        """Strain energy densities (n,), J/m^3, of bonds, springs and pieces from fine nodes of
-        `site_mask` (sites,), or coarse ones of `coarse_site_mask` (sites,), and others in their tiles."""
-        self._set_displacements(state.value)
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Energy densities (n,), J/m^3, stored in and dissipated by softening of bonds, springs and pieces from fine
+        nodes of `site_mask` (sites,), or coarse ones of `coarse_site_mask` (sites,), and others in their tiles."""
+        self.fine_bonds.place_displacements(self._set_displacements(state.value))
         zone, nodes, node_energy = self._zone, len(self.sites), np.zeros(len(self.sites))
-        bond_density, nothing = np.zeros((2, len(self._density)))
-        tiles = zone.fine_tiles
-        sum_energies(tiles, tiles, zone.fine_u, bond_density, nothing, 0, len(tiles.kind), site_mask)
+        bond_density, spent = np.zeros((2, len(self._density)))
+        tiles, u = self.fine_bonds.tiles, self.fine_bonds.u[0]
+        sum_energies(tiles, tiles, u, bond_density, spent, 0, len(tiles.kind), site_mask)
         coarse_springs.add_spring_energies(
             zone.coarse_springs,
             zone.coarse_u,
@@ -300,7 +264,7 @@ class HybridBodyOperator:
         pieces.distribute_border_densities_to_coarse_nodes(
             bond_density[nodes:, None], self._on, self._w, self._border_volume, node_energy[:, None]
         )
-        return node_energy / self.volume + bond_density[:nodes]
+        return node_energy / self.volume + bond_density[:nodes], spent[:nodes]
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
         """Empty: bonds store no fields beside the displacements."""
@@ -312,29 +276,42 @@ class HybridBodyOperator:
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative (3 n, 3 n), N/m^4, of the force densities by the values; see `Operator`."""
-        from pdsolve.adaptivity.hybrid.space.tangent import assemble_tangent  # few runs need it
+        from scipy.sparse import diags_array, eye_array, vstack  # few runs need it, and it takes long to import
 
-        zone, nodes, border = self._zone, len(self.sites), len(self._border)
-        full_body, margin = self.full_body, self.full_body.fine_sites.margin
-        every = (margin + np.append(self.sites, self._border)).astype(np.int32)
-        sites = full_body.fine_sites._replace(site=every, node=zone.fine_tiles.node)
-        at = full_body.coarse_sites
-        above = at._replace(site=np.full(nodes, at.margin, dtype=np.int32), node=zone.coarse_springs.node)
-        above.site[self._coarse] = self._coarse_sites
-        piece_springs = self._pieces
-        of_pieces = pieces.list_springs_with_stiffness(piece_springs)
-        free = np.append(self._free, nodes + np.arange(border))
-        network = SpringNetwork(
-            self.volume,
+        from pdsolve.operators.tangent import of_followers
+        from pdsolve.zone.tangent import tangent_of_springs
+
+        nodes, interpolation_nodes = len(self.sites), self._pieces.points
+        followers = (
             (self._on, self._w),
-            (piece_springs.points.interpolation_nodes, piece_springs.points.interpolation_weights),
-            of_pieces.end_points,
-            (zone.fine_tiles, sites, free, np.append(self.volume, self._border_volume), False),
-            (zone.coarse_springs, above, self._coarse, np.ones(nodes), True),
-            of_pieces.xi,
-            of_pieces.stiffness,
+            (interpolation_nodes.interpolation_nodes, interpolation_nodes.interpolation_weights),
         )
-        return assemble_tangent(network, state.value)
+        points = vstack([eye_array(nodes), *(of_followers(*each, nodes) for each in followers)]).tocsr()
+        density = diags_array(np.repeat(1 / self.volume, 3))
+        return (density @ tangent_of_springs(points, state.value, self._springs_between_points())).tocsr()
+
+    def _springs_between_points(self) -> Iterator[SpringsBetweenPoints]:
+        """The fine bonds, coarse springs, and pieces of clipped bonds, from both ends. Points are the nodes, those on
+        the border, and the ends of pieces."""
+        from pdsolve.zone.tangent import SpringsBetweenPoints
+
+        nodes, border, bonds, springs = len(self.sites), len(self._border), self.fine_bonds, self._zone.coarse_springs
+        bond_points = np.append(self._free, nodes + np.arange(border))
+        for tiles, sites, points, force_per_density in (
+            (bonds.tiles, bonds.sites, bond_points, np.append(self.volume, self._border_volume)),
+            (springs, self._spring_sites, self._coarse, np.ones(nodes)),
+        ):
+            source, target, slot = tile_bonds.list_bonds(sites, tiles.bits, points)
+            xi, stiffness = tile_bonds.springs_of_bonds(tiles, sites, source, target, slot)
+            stiffness *= tile_bonds.remaining_shares(tiles, sites, source, slot) * force_per_density[source]
+            yield SpringsBetweenPoints(source, target, xi, stiffness, False)
+        groups, is_stiff = self._pieces.groups, self._pieces.groups.stiffness > 0
+        near = nodes + border + np.repeat(groups.near_point, TOGETHER)[is_stiff].astype(np.int64)
+        far = nodes + border + groups.far_point[is_stiff].astype(np.int64)
+        piece_xi, stiffness = self._pieces.xi[groups.xi_row[is_stiff], :3], groups.stiffness[is_stiff]
+        stiffness = stiffness * np.sqrt((piece_xi**2).sum(axis=1))
+        for first, second, sign in ((near, far, 1.0), (far, near, -1.0)):
+            yield SpringsBetweenPoints(first, second, sign * piece_xi, stiffness, False)
 
     def bonds(
         self, first_row: int = 0, end_row: int | None = None, at_start: bool = False
@@ -342,13 +319,13 @@ class HybridBodyOperator:
         """Source and target rows (k,) of the intact bonds of nodes `first_row` to `end_row` - 1, or of those at the
         start, if `at_start`."""
         end_row = len(self.sites) if end_row is None else end_row
-        zone, sites = self._zone, self.sites[first_row:end_row]
+        fine = self.fine_bonds.sites._replace(node=self._row)
         low, high = np.searchsorted(self._coarse, [first_row, end_row])
-        rows, above = self._coarse[low:high], self._coarse_sites[low:high] - self.full_body.coarse_sites.margin
-        with self._breaking:
-            bond_lists = [list_bonds_of_sites(sites, np.arange(first_row, end_row), self._row, zone.fine_tiles)]
+        with self.fine_bonds.breaking:
+            bonds = tile_bonds.list_bonds(fine, self.fine_bonds.tiles.bits, np.arange(first_row, end_row))
             _, broken_source, broken_target = self.broken()
-        bond_lists.append(list_bonds_of_sites(above, rows, zone.coarse_springs.node, zone.coarse_springs))
+        springs = tile_bonds.list_bonds(self._spring_sites, self._zone.coarse_springs.bits, self._coarse[low:high])
+        bond_lists = [(source[target >= 0], target[target >= 0]) for source, target, _ in (bonds, springs)]
         if at_start:
             in_range = (broken_source >= first_row) & (broken_source < end_row)
             bond_lists.append((broken_source[in_range], broken_target[in_range]))
@@ -363,11 +340,10 @@ class HybridBodyOperator:
 
     def _count_bonds(self, changed: NDArray[np.bool_], known_counts: NDArray[np.int64]) -> Counted:
         """Volumes (n,) and numbers of bonds at the start; `known_counts` (n,) of those that are not `changed` (n,)."""
-        zone, springs, count = self._zone, self._zone.coarse_springs, known_counts
-        with self._breaking:
-            count[changed] = arrangement.count_bonds_of_sites(
-                self.sites[changed], self._row, zone.fine_tiles.offsets, zone.fine_tiles.bits
-            )
+        springs, count, tiles = self._zone.coarse_springs, known_counts, self.fine_bonds.tiles
+        with self.fine_bonds.breaking:
+            sites = self.sites[changed]
+            count[changed] = arrangement.count_bonds_of_sites(sites, self._row, tiles.offsets, tiles.bits)
             source = self.broken().source
             count += np.bincount(source[changed[source]], minlength=len(count))
         fresh = changed[self._coarse]
@@ -381,22 +357,7 @@ class HybridBodyOperator:
 
     def broken(self, after_step: int = 0) -> Broken:
         """Bonds broken after a step: step, source row and target row of each."""
-        with self._breaking:
-            self._record_new_breaks()
-        return self._known.after(after_step)
-
-    def _record_new_breaks(self) -> None:
-        """Add the bonds that broke since the last call to the history."""
-        if self._new or len(self._known.step) < len(self.history.break_step):
-            of = self.history
-            step = np.concatenate([of.break_step, *(new.step for new in self._new)])
-            source = np.concatenate([of.broken_source, *(self.sites[new.source] for new in self._new)])
-            target = np.concatenate([of.broken_target, *(self.sites[new.target] for new in self._new)])
-            self.history, self._new = of._replace(break_step=step, broken_source=source, broken_target=target), []
-            ends = (
-                self._row[rows].astype(np.int64) for rows in (self.history.broken_source, self.history.broken_target)
-            )
-            self._known = Broken(self.history.break_step, *ends)
+        return self.fine_bonds.broken(after_step)
 
     def zone_summary(self) -> ZoneSummary:
         """Summary of the fine zone."""
@@ -408,7 +369,8 @@ class HybridBodyOperator:
         return ZoneSummary(self.history.refinement_energy, float(share), float(stretch / (np.sqrt(1 + peak) - 1)))
 
     def mark_new_fine_cells(self, state: State, after_step: int) -> NDArray[np.int64]:
-        """Cells (k, 3) that become fine: around bonds broken after a step, and around stretched springs.
+        """Cells (k, 3) that become fine: around bonds that have softened or broken after a step, and around stretched
+        springs.
 
         They are marked as fine at once; `operator_after_refinement` makes the operator for them.
         """
@@ -420,17 +382,25 @@ class HybridBodyOperator:
         count = coarse_springs.list_nodes_with_stretched_springs(
             numbering, zone.coarse_springs, unbreakable, zone.coarse_u, self.full_body.refinement_stretch, hot_sites
         )
-        sites = np.unique(np.concatenate([sites, hot_sites[:count]]))
+        tiles, softened = self.fine_bonds.tiles, np.flatnonzero(self.fine_bonds.tiles.memory >= 0)
+        which, _, lane = np.nonzero(tiles.worst[tiles.memory[softened]])
+        sites = np.unique(np.concatenate([sites, hot_sites[:count], softened[which] * ROW + lane]))
         new = np.zeros(np.count_nonzero(zone.cell_kinds == COARSE), dtype=np.int64)
         count = refine_cells_within_radius(numbering, zone.cell_kinds, sites, AHEAD, new)
         return np.column_stack(lattice_coordinates(numbering.cells, new[:count]))
 
     def operator_after_refinement(self, new_cells: NDArray[np.int64]) -> HybridBodyOperator:
         """The operator after the cells `new_cells` (k, 3) have become fine."""
-        self.broken()
-        after = HybridBodyOperator(
-            self.full_body, zone_after_refinement(self.full_body, self._zone, new_cells), self.history, self._threads
-        )
+        bonds, full_body, broken = self.fine_bonds, self.full_body, self.broken()
+        tile, slot, bit = tile_bonds.find_slots(bonds.sites, broken.source, broken.target)
+        np.bitwise_and.at(full_body.fine_lattice.tiles.bits, (tile, slot), ~bit)  # so that none is there again
+        zone = zone_after_refinement(full_body, self._zone._replace(fine_tiles=bonds.tiles), new_cells)
+        after = HybridBodyOperator(full_body, zone, self.history, self._threads)
+        row_after, (step, source, target) = after._row[self.sites].astype(np.int64), broken
+        pending_bonds = bonds.pending.bonds.copy()
+        pending_bonds[:, 1:] = row_after[pending_bonds[:, 1:]]
+        pending = bonds.pending._replace(bonds=pending_bonds)
+        after.fine_bonds.take_over(Broken(step, row_after[source], row_after[target]), pending)
         row = self._row[after.sites]
         near_new = mask_near_cells(self._numbering, new_cells, self.full_body.fine_lattice.reach + 1)
         changed = (row < 0) | near_new[after.sites]
@@ -452,9 +422,10 @@ class HybridBodyOperator:
 
     def interpolate_at_grid_rows(self, grid_rows: NDArray[np.int64], values: NDArray[np.floating]) -> NDArray[Any]:
         """Values (k, 3) of rows of the grid `grid_rows` (k,), interpolated from those of the nodes here (n, 3)."""
-        grid_values = np.zeros((len(grid_rows), 3), values.dtype)
-        sites = self.full_body.fine_sites.site[grid_rows].astype(np.int64) - self.full_body.fine_sites.margin
-        arrangement.interpolate_at_fine_sites(self._numbering, self._row, values, sites, grid_values)
+        rows = self.current_rows_of_grid_rows(grid_rows)
+        grid_values, is_new = values[rows], rows < 0
+        interpolation_nodes, w = self.interpolation_rows_and_weights_of_grid_rows(grid_rows[is_new])
+        grid_values[is_new] = (w[:, :, None] * values[interpolation_nodes]).sum(axis=1)
         return grid_values
 
     def current_rows_of_grid_rows(self, grid_rows: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -485,32 +456,22 @@ class HybridBodyOperator:
         return self._zone.cell_kinds
 
     def checkpoint_arrays(self) -> CheckpointArrays:
-        """The cells and books for a checkpoint."""
-        books = np.array([self.history.refinement_energy, self.history.largest_clipped_strain])
-        site, slot = self.history.latest_breaks.places.T
-        source, target = (self._row[at].astype(np.int64) for at in (site, site + self._zone.fine_tiles.offsets[slot]))
-        arrays = pending_to_arrays(PendingPulls(source, target, self.history.latest_breaks.stretch_before))
-        return arrays | {"cells": self._zone.cell_kinds.copy(), "zone_books": books}
+        """The history of bonds, the cells and the books for a checkpoint."""
+        cells, books = self._zone.cell_kinds.copy(), np.array(self.history)
+        return {**self.fine_bonds.checkpoint_arrays(), "cells": cells, "zone_books": books}
 
     def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
         """Restore the broken bonds and the books of a checkpoint of these cells."""
         if not np.array_equal(like(checkpoint, "cells", self._zone.cell_kinds), self._zone.cell_kinds):
             raise CheckpointError("cells are not those of the nodes")
-        energy_created, largest = entry(checkpoint, "zone_books", (2,), float).tolist()
-        tile_bonds.remove_bonds(self._node_sites, broken.source, broken.target, self._zone.fine_tiles.bits)
-        self._remove_broken_from_full_body(broken.source, broken.target)
-        source, target = (self.sites[rows] for rows in (broken.source, broken.target))
-        pending = tile_bonds.place_pending(
-            self._node_sites, read_pending_pulls(checkpoint, len(self.sites), np.float64), broken
-        )
-        self.history = ZoneHistory(broken.step.astype(np.int64), source, target, energy_created, largest, pending)
+        self.history = ZoneHistory(*entry(checkpoint, "zone_books", (2,), float).tolist())
+        self.fine_bonds.restore(checkpoint, broken)
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""
         parts = (
             *self._zone,
-            *self._zone.fine_tiles,
             *self._zone.coarse_springs,
             *self.full_body.fine_lattice.tiles,
         )
-        return sum(getattr(array, "nbytes", 0) for array in parts)
+        return self.fine_bonds.bytes() + sum(getattr(array, "nbytes", 0) for array in parts)

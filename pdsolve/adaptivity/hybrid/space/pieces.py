@@ -99,21 +99,6 @@ def create_grouped_bond_piece_springs(
     )
 
 
-class ListedSprings(NamedTuple):
-    """The p springs of pieces."""
-
-    end_points: NDArray[np.int32]  # (p, 2) points
-    xi: NDArray[np.float64]  # (p, 3) m
-    stiffness: NDArray[np.float64]  # (p,) N/m
-
-
-def list_springs_with_stiffness(springs: GroupedBondPieceSprings) -> ListedSprings:
-    """The springs with a stiffness."""
-    groups, is_stiff = springs.groups, springs.groups.stiffness > 0
-    ends = np.column_stack([np.repeat(groups.near_point, TOGETHER), groups.far_point])
-    return ListedSprings(ends[is_stiff], springs.xi[groups.xi_row[is_stiff], :3], groups.stiffness[is_stiff])
-
-
 @cached_njit(error_model="numpy")
 def group_bond_pieces_by_near_end(fine, pieces, place_table, groups):  # type: ignore[no-untyped-def]
     """Put pieces into groups; the numbers of points and of groups, or -1 if there are more points than numbers."""
@@ -242,14 +227,14 @@ def copy_displacements_to_sites(rows, sites, value, u):  # type: ignore[no-untyp
 
 
 @cached_njit(nogil=True)
-def interpolate_border_displacements(sites, rows, w, value, u):  # type: ignore[no-untyped-def]
-    """Displacements of the nodes on the border (b,) to their sites of u (3, m), from those of nodes `rows` (b, 4)."""
-    for n in range(len(sites)):
+def interpolate_border_displacements(rows, w, value, u):  # type: ignore[no-untyped-def]
+    """Displacements of the nodes on the border to u (b, 3), from those of nodes `rows` (b, 4) with weights `w`."""
+    for n in range(len(u)):
         for axis in range(3):
             displacement = 0.0
             for m in range(ENDS):
                 displacement += w[n, m] * value[rows[n, m], axis]
-            u[axis, sites[n]] = displacement
+            u[n, axis] = displacement
 
 
 @cached_njit(nogil=True)

@@ -16,7 +16,7 @@ from pdsolve.adaptivity.hybrid.space.arrangement import (
     list_distinct_bond_piece_vectors,
     locate_bond_part_ends,
 )
-from pdsolve.adaptivity.hybrid.space.layout import NOTHING, FullBody, create_body_zone
+from pdsolve.adaptivity.hybrid.space.layout import FullBody, ZoneHistory, create_body_zone
 from pdsolve.adaptivity.hybrid.space.materials import (
     least_peak_stretches,
     limit_strain_ratios_of_pairs,
@@ -31,7 +31,6 @@ from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tile_bonds import INVERSE, PULL
 from pdsolve.lattice.tiles import VOLUME, Tiles
 from pdsolve.laws import law_of
-from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.schemes.cubic_lattice_bonds import tiled
@@ -55,7 +54,7 @@ def create_body_operator(model: Model, precision: str, threads: int) -> HybridBo
             model, "$.nodes", "on nodes that fit no tiles", "one cubic lattice, more than two horizons long"
         )
     law, h = law_of(model), tiling.sites.spacing
-    full_body = create_full_body(model, tiling.sites, tiling.tiles)._replace(
+    full_body = create_full_body(law, model, tiling.sites, tiling.tiles)._replace(
         precrack_cut_counts_of_places=tiling.counted.family - tiling.counted.bonds
     )
     numbering, tiles = full_body.fine_lattice.numbering, tiling.tiles
@@ -82,11 +81,10 @@ def create_body_operator(model: Model, precision: str, threads: int) -> HybridBo
         damping_rates=damping(model),
     )
     vertex_force, kind = compute_vertex_force_ratio(law, tiles.vectors, h), np.dtype(precision).type
-    return create_operator_of_cells(law, full_body, cells, vertex_force, threads, kind)
+    return create_operator_of_cells(full_body, cells, vertex_force, threads, kind)
 
 
 def create_operator_of_cells(
-    law: Law,
     full_body: FullBody,
     cells: NDArray[np.uint8],
     vertex_force_ratio: float,
@@ -94,15 +92,15 @@ def create_operator_of_cells(
     kind: type[np.floating] = np.float64,
 ) -> HybridBodyOperator:
     """The operator of these cells (c,), whose motion has the precision `kind`."""
-    bind(law)
     elastic = coarse_springs.cubic_stiffness(full_body.fine_lattice.tiles.vectors)
     strength = coarse_springs.coarse_spring_stiffnesses(elastic, vertex_force_ratio, full_body.fine_sites.spacing)
-    springs = coarse_springs.create_spring_tiles(law, full_body.coarse_sites, strength)
-    return HybridBodyOperator(full_body, create_body_zone(full_body, cells, springs, kind), NOTHING, threads)
+    springs = coarse_springs.create_spring_tiles(full_body.law, full_body.coarse_sites, strength)
+    zone = create_body_zone(full_body, cells, springs, kind)
+    return HybridBodyOperator(full_body, zone, ZoneHistory(0.0, 0.0), threads)
 
 
-def create_full_body(model: Model | None, sites: Sites, tiles: Tiles) -> FullBody:
-    """What does not change of a body with these bonds."""
+def create_full_body(law: Law, model: Model | None, sites: Sites, tiles: Tiles) -> FullBody:
+    """What does not change of a body with these bonds, of this law."""
     reach, half = int(np.abs(sites.ways).max()), len(sites.ways) // 2
     numbering = create_body_numbering(tuple(int(side) for side in sites.sides), reach)
     parts = divide_bonds_at_cell_borders(sites.ways[half:])
@@ -120,6 +118,7 @@ def create_full_body(model: Model | None, sites: Sites, tiles: Tiles) -> FullBod
     at = coarse_springs.create_coarse_sites(numbering.coarse, sites.spacing)
     kappa = (Hybrid() if model is None else model.settings.run.hybrid).kappa
     return FullBody(
+        law,
         model,
         fine,
         sites,
@@ -142,7 +141,7 @@ def create_full_block(law: Law, table: NDArray[np.floating], h: float, cells: tu
     alike = np.ones(count), np.full(count, 0.5), np.ones(count, np.bool_), np.zeros(count, np.uint8)
     springs = tile_bonds.Springs(strength, *alike, never, never)
     tiles = tile_bonds.tiles_of(law, sites, tile_bonds.bits_of_pairs(sites), springs)
-    return create_full_body(None, sites, tiles)
+    return create_full_body(law, None, sites, tiles)
 
 
 def compute_vertex_force_ratio(law: Law, table: NDArray[np.floating], h: float) -> float:
@@ -152,7 +151,7 @@ def compute_vertex_force_ratio(law: Law, table: NDArray[np.floating], h: float) 
     cells, nodes = np.zeros((CUBE,) * 3, dtype=np.uint8), 2 * CUBE + 1
     cells[half:, half:, half:] = FINE
     cells = np.pad(cells, full_body.fine_lattice.numbering.cells.margins[0], constant_values=VOID)
-    operator = create_operator_of_cells(law, full_body, cells.ravel(), 0.0)
+    operator = create_operator_of_cells(full_body, cells.ravel(), 0.0)
     vertex = CUBE * (1 + nodes + nodes**2)
     value, row = np.zeros((len(operator.sites), 3)), np.searchsorted(operator.sites, vertex)
     value[:, 1] = SHEAR * h * (operator.sites // nodes**2)

@@ -1,0 +1,42 @@
+"""Tangent of forces between points that move with nodes.
+
+All bonds, springs of coarse cells and pieces of clipped bonds are springs between points. A point moves with nodes by
+weights, and passes its forces to them by the same weights.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, eye_array, kron
+
+from pdsolve.operators.tangent import of_green_springs, of_springs
+
+
+class SpringsBetweenPoints(NamedTuple):
+    """Springs (b,) that pull their source towards their target."""
+
+    source: NDArray[np.int64]  # points
+    target: NDArray[np.int64]
+    xi: NDArray[np.float64]  # (b, d) m
+    stiffness: NDArray[np.float64]  # of Green's strain force over |xi| and strain, of others force over stretch
+    uses_green_strain: bool
+
+
+def tangent_of_springs(
+    point_weights: csr_array, value: NDArray[np.floating], springs: Iterable[SpringsBetweenPoints]
+) -> csr_array:
+    """Minus the derivative (d n, d n) of the forces on n nodes by their displacements `value` (n, d), m.
+
+    `point_weights` (p, n) are those by which points move with nodes. Forces are N, in the plane N/m.
+    """
+    u, axes = point_weights @ value, value.shape[1]
+    matrix = csr_array((axes * len(u), axes * len(u)))
+    for each in springs:
+        of = of_green_springs if each.uses_green_strain else of_springs
+        matrix += of(each.source, each.target, each.xi, each.stiffness, u)
+    points = kron(point_weights, eye_array(axes)).tocsr()
+    return (points.T @ matrix @ points).tocsr()

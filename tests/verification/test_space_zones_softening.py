@@ -1,0 +1,48 @@
+"""Bodies of bonds that soften, with a zone that moves."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+from zoned_blocks import block
+
+from pdsolve.model import Model
+from pdsolve.options import Options
+from pdsolve.results import Results
+from pdsolve.run.simulation import resume, simulate
+
+
+def softening(adapt: str) -> Model:
+    """The cracked block of bilinear bonds."""
+    model = block(adapt)
+    material = msgspec.structs.replace(model.settings.material, law="bilinear", kr=4.0)
+    return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, material=material))
+
+
+@pytest.mark.slow
+def test_a_crack_of_softening_bonds_runs_as_on_the_fine_lattice(tmp_path: Path) -> None:
+    """Energies, the first bond and the books; a run that is stopped goes on to the same bits."""
+    books, first = [], []
+    for adapt in ("none", "hybrid"):
+        with simulate(softening(adapt), None, Options(threads=1)) as results:
+            books.append(results.history())
+            first.append(int(results.breaks().step.min()))
+            last = results.frames()[0].max()
+            fields = [results.field(name, last) for name in ("ux", "uz", "vz", "damage")]
+            assert abs(results.summary()["balance"]) < 0.01
+    uniform, zone = books
+    assert abs(first[1] - first[0]) <= 1
+    assert 0.1 < zone["fine_share"][0] < zone["fine_share"][-1] < 0.95  # measured 0.91
+    assert zone["work"][-1] == pytest.approx(uniform["work"][-1], rel=0.005)  # measured 0.0018
+    assert zone["dissipated"][-1] == pytest.approx(uniform["dissipated"][-1], rel=0.03)  # 0.006
+    path, seen = tmp_path / "stopped.sqlite", list[int]()
+    options = Options(threads=1)
+    simulate(softening("hybrid"), path, options, lambda now: bool(seen.append(now.step)) or now.step >= 120).close()
+    resume(path, threads=1).close()
+    with Results.open(path) as results:
+        for name, values in zip(("ux", "uz", "vz", "damage"), fields, strict=True):
+            assert np.array_equal(results.field(name, last), values)
