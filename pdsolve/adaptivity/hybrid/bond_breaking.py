@@ -94,9 +94,8 @@ def soften_and_break_bonds(lattice, zone, u, first_node, count, step):  # type: 
             full_stiffness = fine.row_stiffness[entry, k, lane] if entry >= 0 else lattice.spring_table[k, 5]
             if full_stiffness == 0 or is_unbreakable(lattice, p) or is_unbreakable(lattice, j):
                 continue
-            eta_x, eta_y = displaced(
-                u, fine.negative_half_swelling, lattice.spring_table[k, 0], lattice.spring_table[k, 1], p, j
-            )
+            x, y = lattice.spring_table[k, 0], lattice.spring_table[k, 1]
+            eta_x, eta_y = displaced(u, fine.negative_half_swelling, x, y, p, j)
             e = spring_double_green_strain(lattice.spring_table, k, eta_x, eta_y)
             peak, limit = peak_and_limit_strain(lattice, p, k)
             if e <= peak or (
@@ -109,17 +108,12 @@ def soften_and_break_bonds(lattice, zone, u, first_node, count, step):  # type: 
             full_stiffness, past = _unsoftened_stiffness_and_history(fine, entry, k, lane, full_stiffness, peak, limit)
             if peak < limit:
                 _soften_bond(lattice, zone, p, entry, k, e, peak, limit)
-            before, now = (
-                _previous_stretch(lattice, fine, p, j, k, eta_x, eta_y),
-                stretch_from_double_green_strain(e),
-            )
-            worst, ends = (
-                stretch_from_double_green_strain(past),
-                (stretch_from_double_green_strain(peak), stretch_from_double_green_strain(limit)),
-            )
+            before = _previous_stretch(lattice, fine, p, j, k, eta_x, eta_y)
+            now, worst = stretch_from_double_green_strain(e), stretch_from_double_green_strain(past)
+            ends = stretch_from_double_green_strain(peak), stretch_from_double_green_strain(limit)
             breaking_force = added_force(lattice.empty_law_columns, now, before, worst, *ends) * full_stiffness
-            fine.f[0, p] += breaking_force / (1 + now) * (lattice.spring_table[k, 0] + eta_x)
-            fine.f[1, p] += breaking_force / (1 + now) * (lattice.spring_table[k, 1] + eta_y)
+            fine.f[0, p] += breaking_force / (1 + now) * (x + eta_x)
+            fine.f[1, p] += breaking_force / (1 + now) * (y + eta_y)
             if e <= limit:
                 continue
             fine.row_stiffness[entry, k, lane] = 0.0
@@ -127,13 +121,9 @@ def soften_and_break_bonds(lattice, zone, u, first_node, count, step):  # type: 
             if k < half:
                 zone.broken_bond_bits[p] |= np.uint64(1) << np.uint64(k)
             if peak == limit:  # else it is booked as it softens
-                _record_node_dissipation(
-                    zone,
-                    p,
-                    broken_energy(
-                        lattice.empty_law_columns, full_stiffness / lattice.spring_table[k, 4] / 4, now, before, *ends
-                    ),
-                )
+                scale = full_stiffness / lattice.spring_table[k, 4] / 4
+                energy = broken_energy(lattice.empty_law_columns, scale, now, before, *ends)
+                _record_node_dissipation(zone, p, energy)
             _record_break(zone, step, p, k, breaking_force, now - before)
 
 

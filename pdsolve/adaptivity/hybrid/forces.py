@@ -215,104 +215,25 @@ def _kick_and_drift_fine_rows(zone, displacement_buffer_index, dt, velocity_lag,
 
 
 @njit(**INNER)
-def _sum_forces_and_move_coarse_rows(  # type: ignore[no-untyped-def]
-    lattice, zone, displacement_buffer_index, velocity_lag, ends_sequence, thread, stage
-):
-    """Forces on coarse rows and their motion, see `_sum_forces_and_move_rows`.
-
-    The stage LOADED processes touched rows, an earlier stage the others until the first thread reaches LOADED.
-    """
-    nodes, rows = zone.coarse, zone.counts.active_coarse_rows
-    table, ways = lattice.coarse_spring_table, lattice.coarse_neighbour_offsets
-    touched = stage == LOADED
-    job = TOUCHED if touched else PLAIN
-    _sum_forces_and_move_rows(
-        lattice,
-        zone,
-        nodes,
-        rows,
-        table,
-        ways,
-        displacement_buffer_index,
-        velocity_lag,
-        ends_sequence,
-        thread,
-        stage,
-        job,
-        touched,
-    )
-
-
-@njit(**INNER)
-def _sum_forces_and_move_coarsest_rows(  # type: ignore[no-untyped-def]
-    lattice, zone, displacement_buffer_index, velocity_lag, ends_sequence, thread, barrier
-):
-    """Forces on far rows and their motion, see `_sum_forces_and_move_rows`, once forces on tied nodes are passed on."""
-    nodes, rows, table, ways = (
-        zone.far,
-        zone.counts.active_coarsest_rows,
-        lattice.coarsest_spring_table,
-        lattice.coarsest_neighbour_offsets,
-    )
-    meet(barrier)
-    if thread == 0:
-        _distribute_border_forces_to_coarser_nodes(
-            zone.coarse.f, zone.far.f, zone.tied_coarse_nodes, zone.counts.tied_nodes
-        )
-    _sum_forces_and_move_rows(
-        lattice,
-        zone,
-        nodes,
-        rows,
-        table,
-        ways,
-        displacement_buffer_index,
-        velocity_lag,
-        ends_sequence,
-        thread,
-        REST,
-        FAR_PLAIN,
-        False,
-    )
-    meet(barrier)
-    _sum_forces_and_move_rows(
-        lattice,
-        zone,
-        nodes,
-        rows,
-        table,
-        ways,
-        displacement_buffer_index,
-        velocity_lag,
-        ends_sequence,
-        thread,
-        REST,
-        FAR_TOUCHED,
-        True,
-    )
-
-
-@njit(**INNER)
 def _sum_forces_and_move_rows(  # type: ignore[no-untyped-def]
     lattice,
     zone,
-    nodes,
-    count,
-    spring_table,
-    offsets,
+    rows_of_lattice,
     displacement_buffer_index,
     velocity_lag,
     ends_sequence,
     thread,
     stage,
-    job,
     has_extra_forces,
 ):
     """Forces on rows of a compact lattice, then kick and drift; with `ends_sequence`, forces are kept instead.
 
-    Rows are those with forces besides the springs', if `has_extra_forces`, or the others. Some are taken at a time, as
-    the `job` counts them, until the first thread reaches `stage`. Marks rows with a bond near or over its bound.
+    `rows_of_lattice` are its nodes, the number of their rows, their springs and offsets, and two jobs. Rows are those
+    with forces besides the springs', of the second job, if `has_extra_forces`, or the others. Some are taken at a time,
+    as the job counts them, until the first thread reaches `stage`. Marks rows with a bond near or over its bound.
     """
+    nodes, count, spring_table, offsets, plain_job, touched_job = rows_of_lattice
+    job = touched_job if has_extra_forces else plain_job
     s, dt, limit = zone.lane_sums[thread], lattice.dt, LOOKED_AT * lattice.least_strain_bounds[2]
     wide, u, after = across(s), nodes.u[displacement_buffer_index], nodes.u[1 - displacement_buffer_index]
     while counted(zone.job_counters, STAGE) < stage:
@@ -415,6 +336,24 @@ def _start_forces_with_loads_and_bond_pieces(lattice, zone, profiles, displaceme
 
 
 @njit(**INNER)
+def _sum_forces_and_move_coarsest_rows(  # type: ignore[no-untyped-def]
+    lattice, zone, displacement_buffer_index, velocity_lag, ends_sequence, thread, barrier
+):
+    """Forces on far rows and their motion, once forces on tied nodes are passed on."""
+    table, offsets = lattice.coarsest_spring_table, lattice.coarsest_neighbour_offsets
+    of_step = displacement_buffer_index, velocity_lag, ends_sequence, thread
+    far = zone.far, zone.counts.active_coarsest_rows, table, offsets, FAR_PLAIN, FAR_TOUCHED
+    meet(barrier)
+    if thread == 0:
+        _distribute_border_forces_to_coarser_nodes(
+            zone.coarse.f, zone.far.f, zone.tied_coarse_nodes, zone.counts.tied_nodes
+        )
+    _sum_forces_and_move_rows(lattice, zone, far, *of_step, REST, False)
+    meet(barrier)
+    _sum_forces_and_move_rows(lattice, zone, far, *of_step, REST, True)
+
+
+@njit(**INNER)
 def sum_forces_and_move_nodes(  # type: ignore[no-untyped-def]
     lattice, zone, profiles, displacement_buffer_index, step, velocity_lag, ends_sequence, thread, barrier
 ):
@@ -423,6 +362,9 @@ def sum_forces_and_move_nodes(  # type: ignore[no-untyped-def]
     Velocities are those of half of `velocity_lag`, s, ago.
     All threads call this together; the first thread calls `reset_job_counters` before each further call.
     """
+    counts = zone.counts
+    table, offsets = lattice.coarse_spring_table, lattice.coarse_neighbour_offsets
+    coarse = zone.coarse, counts.active_coarse_rows, table, offsets, PLAIN, TOUCHED
     for stage in (ACTED, BROKE, LOADED, REST):
         if thread == 0 and stage == ACTED:
             _start_forces_with_loads_and_bond_pieces(lattice, zone, profiles, displacement_buffer_index, step)
@@ -430,9 +372,8 @@ def sum_forces_and_move_nodes(  # type: ignore[no-untyped-def]
         elif thread == 0 and stage == BROKE:
             _list_breaking_rows_of_all_threads(zone)
         else:
-            _sum_forces_and_move_coarse_rows(
-                lattice, zone, displacement_buffer_index, velocity_lag, ends_sequence, thread, stage
-            )
+            of_step = displacement_buffer_index, velocity_lag, ends_sequence, thread
+            _sum_forces_and_move_rows(lattice, zone, coarse, *of_step, stage, stage == LOADED)
             wait(zone.job_counters, STAGE, min(stage, BROKE), barrier)
         if stage == ACTED or (thread == 0 and stage == BROKE):
             _sum_forces_of_fine_rows(
@@ -449,7 +390,7 @@ def sum_forces_and_move_nodes(  # type: ignore[no-untyped-def]
                 )
                 take(zone.job_counters, STAGE)
             _kick_and_drift_fine_rows(zone, displacement_buffer_index, lattice.dt, velocity_lag, ends_sequence, thread)
-    if zone.counts.active_coarsest_rows > 0:
+    if counts.active_coarsest_rows > 0:
         _sum_forces_and_move_coarsest_rows(
             lattice, zone, displacement_buffer_index, velocity_lag, ends_sequence, thread, barrier
         )

@@ -47,30 +47,28 @@ def half_kick_and_drift_all_lattices(lattice, zone, displacement_buffer_index, d
         _half_kick_and_drift_rows(nodes, rows, displacement_buffer_index, lattice.dt, drifts)
 
 
+@njit(forceinline=True, **INNER)
+def _nodes_and_place(fine, coarse, fine_or_coarse_place):  # type: ignore[no-untyped-def]
+    """The lattice of a node of `LoadsOrPrescribedMotions.node_and_entry`, and its place there."""
+    return (fine, fine_or_coarse_place) if fine_or_coarse_place >= 0 else (coarse, -1 - fine_or_coarse_place)
+
+
 @njit(**INNER)
 def store_constraint_forces(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
     """Store forces and velocities of held components."""
     for n in range(count):
-        on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
-        axis = entry.axis
-        if on >= 0:
-            entry.force_on_prescribed_component, entry.speed_at_last_step = fine.f[axis, on], fine.v[axis, on]
-        else:
-            entry.force_on_prescribed_component, entry.speed_at_last_step = (
-                coarse.f[axis, -1 - on],
-                coarse.v[axis, -1 - on],
-            )
+        nodes, p = _nodes_and_place(fine, coarse, holds.node_and_entry[n, 0])
+        entry = holds.entries[holds.node_and_entry[n, 1]]
+        entry.force_on_prescribed_component, entry.speed_at_last_step = nodes.f[entry.axis, p], nodes.v[entry.axis, p]
 
 
 @njit(**INNER)
 def restore_prescribed_velocities(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
     """Give held components their prescribed velocities."""
     for n in range(count):
-        on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
-        if on >= 0:
-            fine.v[entry.axis, on] = entry.speed_at_last_step
-        else:
-            coarse.v[entry.axis, -1 - on] = entry.speed_at_last_step
+        nodes, p = _nodes_and_place(fine, coarse, holds.node_and_entry[n, 0])
+        entry = holds.entries[holds.node_and_entry[n, 1]]
+        nodes.v[entry.axis, p] = entry.speed_at_last_step
 
 
 @njit(**INNER)
@@ -78,45 +76,23 @@ def apply_prescribed_motions(  # type: ignore[no-untyped-def]
     fine, coarse, holds, count, totals, dt, profiles, displacement_buffer_index, step, ends_sequence, begins_sequence
 ):
     """Book the holding forces until `step`, unless `begins_sequence`, and hold from there on unless `ends_sequence`."""
+    time = step * dt
     for n in range(count):
-        on, entry = holds.node_and_entry[n, 0], holds.entries[holds.node_and_entry[n, 1]]
-        if on >= 0:
-            _apply_prescribed_motion(
-                fine, on, entry, totals, dt, profiles, displacement_buffer_index, step, ends_sequence, begins_sequence
-            )
+        nodes, p = _nodes_and_place(fine, coarse, holds.node_and_entry[n, 0])
+        entry = holds.entries[holds.node_and_entry[n, 1]]
+        axis, profile, speed = entry.axis, entry.profile, entry.mean_speed_since_last_step
+        u, force = nodes.u, nodes.f[axis, p]
+        if entry.prescribed_kind == VELOCITY:
+            speed = entry.value * factor_at(profiles, profile, time)
+        if not begins_sequence:
+            totals.work -= (entry.force_on_prescribed_component + force) / 2 * dt * entry.mean_speed_since_last_step
+            totals.work += nodes.mass[p] / 2 * (speed**2 - entry.speed_at_last_step**2)
+            entry.force_on_prescribed_component, entry.speed_at_last_step = force, speed
+        if ends_sequence:
+            continue
+        if entry.prescribed_kind == DISPLACEMENT:
+            speed = (entry.value * factor_at(profiles, profile, time + dt) - u[displacement_buffer_index, axis, p]) / dt
         else:
-            _apply_prescribed_motion(
-                coarse,
-                -1 - on,
-                entry,
-                totals,
-                dt,
-                profiles,
-                displacement_buffer_index,
-                step,
-                ends_sequence,
-                begins_sequence,
-            )
-
-
-@njit(**INNER)
-def _apply_prescribed_motion(  # type: ignore[no-untyped-def]
-    nodes, p, entry, totals, dt, profiles, displacement_buffer_index, step, ends_sequence, begins_sequence
-):
-    """Book the force on the held component of node p until `step`, and prescribe it from there; see above."""
-    axis, profile, time, speed = entry.axis, entry.profile, step * dt, entry.mean_speed_since_last_step
-    u, force = nodes.u, nodes.f[axis, p]
-    if entry.prescribed_kind == VELOCITY:
-        speed = entry.value * factor_at(profiles, profile, time)
-    if not begins_sequence:
-        totals.work -= (entry.force_on_prescribed_component + force) / 2 * dt * entry.mean_speed_since_last_step
-        totals.work += nodes.mass[p] / 2 * (speed**2 - entry.speed_at_last_step**2)
-        entry.force_on_prescribed_component, entry.speed_at_last_step = force, speed
-    if ends_sequence:
-        return
-    if entry.prescribed_kind == DISPLACEMENT:
-        speed = (entry.value * factor_at(profiles, profile, time + dt) - u[displacement_buffer_index, axis, p]) / dt
-    else:
-        speed = entry.value * factor_at(profiles, profile, time + dt / 2)
-    nodes.v[axis, p] = entry.mean_speed_since_last_step = speed
-    u[1 - displacement_buffer_index, axis, p] = u[displacement_buffer_index, axis, p] + dt * speed
+            speed = entry.value * factor_at(profiles, profile, time + dt / 2)
+        nodes.v[axis, p] = entry.mean_speed_since_last_step = speed
+        u[1 - displacement_buffer_index, axis, p] = u[displacement_buffer_index, axis, p] + dt * speed

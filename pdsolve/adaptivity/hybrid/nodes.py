@@ -32,10 +32,8 @@ def set_fine_node_kind_and_mass(numbering, mass, cells, fine, p):  # type: ignor
     """Set kind and mass of a fine node with the whole cell `mass`."""
     x = lattice_coordinates(numbering.fine, p)
     fine.node_kinds[p] = IDLE if mass == 0 else fine_node_kind(numbering, cells, x)
-    fine_quarters, coarse_quarters = (
-        count_cells_of_kind_around(numbering, cells, x, FINE),
-        count_cells_of_kind_around(numbering, cells, x, COARSE),
-    )
+    fine_quarters = count_cells_of_kind_around(numbering, cells, x, FINE)
+    coarse_quarters = count_cells_of_kind_around(numbering, cells, x, COARSE)
     fine.mass[p] = mass * fine_quarters / (fine_quarters + coarse_quarters) if fine_quarters > 0 else 0.0
     fine.inverse_mass[p] = 1 / fine.mass[p] if fine.node_kinds[p] == FREE else 0.0
 
@@ -57,11 +55,8 @@ def coarse_interpolation_nodes_on_edge(lattice, node_kinds, x, y, direction, w):
         return q, second, w
     if w < cut:
         inner = q - step
-        return (
-            (q, inner, -w)
-            if node_kinds[inner] == FREE and lattice.edge_cut_position[direction, inner] == 0
-            else (q, q, 0.0)
-        )
+        can_extrapolate = node_kinds[inner] == FREE and lattice.edge_cut_position[direction, inner] == 0
+        return (q, inner, -w) if can_extrapolate else (q, q, 0.0)
     inner = second + step
     can_extrapolate = node_kinds[inner] == FREE and lattice.edge_cut_position[direction, second] == 0
     return (second, inner, w - 1) if can_extrapolate else (second, second, 0.0)
@@ -150,10 +145,8 @@ def _cell_edge_stiffness(lattice, cells, x, y, along_y, second):  # type: ignore
     c = place_number_at(lattice.numbering.cells, (x, y))
     if cells[c] != COARSE:
         return 0.0
-    k1, k2 = (
-        lattice.coarse_cell_constants[0, lattice.constants_index_of_cell[c]],
-        lattice.coarse_cell_constants[1, lattice.constants_index_of_cell[c]],
-    )
+    constants, n = lattice.coarse_cell_constants, lattice.constants_index_of_cell[c]
+    k1, k2 = constants[0, n], constants[1, n]
     across = _crack_position_across_cell(lattice, x, y, along_y)
     if across == 0:
         return 0.5 * k1
@@ -205,13 +198,9 @@ def interpolate_coarse_at_fine_place(lattice, node_kinds, values, ix, iy, x, y, 
     for dx, dy in ((0, -1), (0, 1), (-1, 0), (1, 0)):
         if lattice.is_cell_cut[place_number_at(numbering.cells, (x + dx, y + dy))]:
             continue
-        q = place_number_at(numbering.coarse, (x + dx, y + dy))
-        active = node_kinds[q] == FREE and node_kinds[q + 1] == FREE
-        active = (
-            active
-            and node_kinds[q + numbering.coarse.strides[1]] == FREE
-            and node_kinds[q + numbering.coarse.strides[1] + 1] == FREE
-        )
+        q, stride, active = place_number_at(numbering.coarse, (x + dx, y + dy)), numbering.coarse.strides[1], True
+        for corner in (q, q + 1, q + stride, q + stride + 1):
+            active &= node_kinds[corner] == FREE
         if active and is_visible(lattice.precrack_segments, ix, iy, 2.0 * (x + dx) + 1, 2.0 * (y + dy) + 1):
             interpolate_bilinear(numbering.coarse, values, ix, iy, x + dx, y + dy, out)
             return

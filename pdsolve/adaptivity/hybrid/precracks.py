@@ -49,12 +49,8 @@ def is_visible(cracks, ax, ay, bx, by):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _box_around_crack(lattice, j, margin):  # type: ignore[no-untyped-def]
     """Range of columns and rows around pre-crack j, clipped to the plate."""
-    px, py, qx, qy = (
-        lattice.precrack_segments[j, 0],
-        lattice.precrack_segments[j, 1],
-        lattice.precrack_segments[j, 2],
-        lattice.precrack_segments[j, 3],
-    )
+    cracks = lattice.precrack_segments
+    px, py, qx, qy = cracks[j, 0], cracks[j, 1], cracks[j, 2], cracks[j, 3]
     count_x, count_y = lattice.numbering.fine.counts
     x0, x1 = max(0, int(np.floor(min(px, qx))) - margin), min(count_x - 1, int(np.ceil(max(px, qx))) + margin)
     y0, y1 = max(0, int(np.floor(min(py, qy))) - margin), min(count_y - 1, int(np.ceil(max(py, qy))) + margin)
@@ -64,39 +60,29 @@ def _box_around_crack(lattice, j, margin):  # type: ignore[no-untyped-def]
 @cached_njit(error_model="numpy")
 def record_precrack_cuts(lattice):  # type: ignore[no-untyped-def]
     """Record the coarse bonds and edges of cells that pre-cracks cut, and the cells they cross."""
-    numbering = lattice.numbering
-    for j in range(len(lattice.precrack_segments)):
+    numbering, cracks = lattice.numbering, lattice.precrack_segments
+    for j in range(len(cracks)):
         x0, y0, x1, y1 = _box_around_crack(lattice, j, 3)
-        px, py, qx, qy = (
-            lattice.precrack_segments[j, 0],
-            lattice.precrack_segments[j, 1],
-            lattice.precrack_segments[j, 2],
-            lattice.precrack_segments[j, 3],
-        )
+        px, py, qx, qy = cracks[j, 0], cracks[j, 1], cracks[j, 2], cracks[j, 3]
         for y in range(y0 // 2, y1 // 2 + 1):
             for x in range(x0 // 2, x1 // 2 + 1):
                 q, ax, ay = place_number_at(numbering.coarse, (x, y)), 2.0 * x, 2.0 * y
                 for k in range(4):
                     bx, by = ax + 2 * lattice.coarse_dx[k], ay + 2 * lattice.coarse_dy[k]
-                    if not crosses_crack(lattice.precrack_segments, j, ax, ay, bx, by):
+                    if not crosses_crack(cracks, j, ax, ay, bx, by):
                         continue
                     lattice.cut_coarse_spring_bits[q] |= np.uint8(1 << k)
                     if k in (0, 2):
-                        side_a, side_b = (
-                            doubled_triangle_area(px, py, qx, qy, ax, ay),
-                            doubled_triangle_area(px, py, qx, qy, bx, by),
-                        )
+                        side_a = doubled_triangle_area(px, py, qx, qy, ax, ay)
+                        side_b = doubled_triangle_area(px, py, qx, qy, bx, by)
                         lattice.edge_cut_position[k // 2, q] = side_a / (side_a - side_b) if side_a != side_b else 0.5
                 if x >= numbering.cells.counts[0] or y >= numbering.cells.counts[1]:
                     continue
-                diagonals = crosses_crack(lattice.precrack_segments, j, ax, ay, ax + 2, ay + 2) or crosses_crack(
-                    lattice.precrack_segments, j, ax + 2, ay, ax, ay + 2
-                )
-                if (
-                    diagonals
-                    or (ax <= px <= ax + 2 and ay <= py <= ay + 2)
-                    or (ax <= qx <= ax + 2 and ay <= qy <= ay + 2)
-                ):
+                is_cut = crosses_crack(cracks, j, ax, ay, ax + 2, ay + 2)
+                is_cut |= crosses_crack(cracks, j, ax + 2, ay, ax, ay + 2)
+                is_cut |= ax <= px <= ax + 2 and ay <= py <= ay + 2
+                is_cut |= ax <= qx <= ax + 2 and ay <= qy <= ay + 2
+                if is_cut:
                     lattice.is_cell_cut[place_number_at(numbering.cells, (x, y))] = True
 
 
@@ -106,13 +92,8 @@ def is_bond_intact(lattice, broken_bond_bits, p, k):  # type: ignore[no-untyped-
     half = len(lattice.neighbour_offsets) // 2
     if k >= half:
         p, k = p + lattice.neighbour_offsets[k], k - half
-    return (
-        (
-            node_constant_at_place(lattice.node_constants, lattice.node_constants.initial_bond_bits, p)
-            & ~broken_bond_bits[p]
-        )
-        >> np.uint64(k)
-    ) & np.uint64(1) != 0
+    initial_bits = node_constant_at_place(lattice.node_constants, lattice.node_constants.initial_bond_bits, p)
+    return ((initial_bits & ~broken_bond_bits[p]) >> np.uint64(k)) & np.uint64(1) != 0
 
 
 @njit(forceinline=True, **INNER)

@@ -110,18 +110,10 @@ def refine_cells(lattice, zone, displacement_buffer_index):  # type: ignore[no-u
 
     New nodes take the coarse displacements and velocities; the change of energy is booked.
     """
-    new, affected_fine, affected_coarse = (
-        zone.new_cells[: zone.counts.new_cells],
-        zone.affected_fine_nodes[: zone.counts.affected_fine_nodes],
-        zone.affected_coarse_nodes,
-    )
-    affected_coarse = affected_coarse[: zone.counts.affected_coarse_nodes]
-    interpolate_border_nodes(
-        zone.fine.u[displacement_buffer_index],
-        zone.coarse.u[displacement_buffer_index],
-        zone.border_nodes,
-        zone.counts.border_nodes,
-    )
+    counts, u, coarse_u = zone.counts, zone.fine.u[displacement_buffer_index], zone.coarse.u[displacement_buffer_index]
+    new, affected_fine = zone.new_cells[: counts.new_cells], zone.affected_fine_nodes[: counts.affected_fine_nodes]
+    affected_coarse = zone.affected_coarse_nodes[: counts.affected_coarse_nodes]
+    interpolate_border_nodes(u, coarse_u, zone.border_nodes, counts.border_nodes)
     for p in affected_fine:
         zone.is_node_marked[p] = True
     for c in new:
@@ -148,13 +140,8 @@ def set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, 
     """Set kinds, masses and springs of these nodes."""
     fine, coarse, last = zone.fine, zone.coarse, -1
     for p in affected_fine:
-        set_fine_node_kind_and_mass(
-            lattice.numbering,
-            node_constant_at_place(lattice.node_constants, lattice.node_constants.mass, p),
-            zone.cell_kinds,
-            fine,
-            p,
-        )
+        mass = node_constant_at_place(lattice.node_constants, lattice.node_constants.mass, p)
+        set_fine_node_kind_and_mass(lattice.numbering, mass, zone.cell_kinds, fine, p)
         set_damping_of_node(lattice, fine, p, p)
     for q in affected_coarse:
         set_coarse_node_properties(lattice, zone.cell_kinds, fine, coarse, q)

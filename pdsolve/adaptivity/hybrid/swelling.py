@@ -87,10 +87,8 @@ def _minmod_difference(values, node_constants, p, step):  # type: ignore[no-unty
     So it is that of linear values, and no leap at a crack is one.
     """
     up, down = values[p + step] - values[p], values[p] - values[p - step]
-    has_next, has_previous = (
-        node_constant_at_place(node_constants, node_constants.mass, p + step) > 0,
-        node_constant_at_place(node_constants, node_constants.mass, p - step) > 0,
-    )
+    has_next = node_constant_at_place(node_constants, node_constants.mass, p + step) > 0
+    has_previous = node_constant_at_place(node_constants, node_constants.mass, p - step) > 0
     if not (has_next and has_previous):
         return (up if has_next else 0.0) + (down if has_previous else 0.0)
     if up * down <= 0:
@@ -128,28 +126,26 @@ def average_fine_values_to_coarse(lattice, fine_values, coarse_values):  # type:
     What a cell holds is so that of its fine nodes. Along an axis on which there is no node on one side, the middle one
     alone counts, so that linear values stay exact.
     """
-    numbering, nodes = lattice.numbering, lattice.node_constants
+    numbering, nodes, stride = lattice.numbering, lattice.node_constants, lattice.numbering.fine.strides[1]
     for y in range(numbering.cells.counts[1] + 1):
         for x in range(numbering.cells.counts[0] + 1):
             p = place_number_at(numbering.fine, (2 * x, 2 * y))
             mean = _weighted_mean_along_line(fine_values, nodes, p, 1)
             if (
-                node_constant_at_place(nodes, nodes.mass, p + numbering.fine.strides[1]) > 0
-                and node_constant_at_place(nodes, nodes.mass, p - numbering.fine.strides[1]) > 0
+                node_constant_at_place(nodes, nodes.mass, p + stride) > 0
+                and node_constant_at_place(nodes, nodes.mass, p - stride) > 0
             ):
-                mean = mean / 2 + _weighted_mean_along_line(fine_values, nodes, p + numbering.fine.strides[1], 1) / 4
-                mean += _weighted_mean_along_line(fine_values, nodes, p - numbering.fine.strides[1], 1) / 4
+                mean = mean / 2 + _weighted_mean_along_line(fine_values, nodes, p + stride, 1) / 4
+                mean += _weighted_mean_along_line(fine_values, nodes, p - stride, 1) / 4
             coarse_values[place_number_at(numbering.coarse, (x, y))] = mean
 
 
 @njit(**INNER)
 def _weighted_mean_along_line(values, node_constants, p, step):  # type: ignore[no-untyped-def]
     """Mean of a value and the next ones on a line, if there are both."""
-    if (
-        node_constant_at_place(node_constants, node_constants.mass, p + step) == 0
-        or node_constant_at_place(node_constants, node_constants.mass, p - step) == 0
-    ):
-        return values[p]
+    for neighbour in (p + step, p - step):
+        if node_constant_at_place(node_constants, node_constants.mass, neighbour) == 0:
+            return values[p]
     return values[p] / 2 + (values[p - step] + values[p + step]) / 4
 
 
