@@ -385,3 +385,15 @@ def count_bonds_of_sites(sites, row_at_site, offsets, bits):  # type: ignore[no-
             if (bits[tile, slot] >> lane) & np.uint16(1) and row_at_site[sites[n] + offsets[slot]] >= 0:
                 counts[n] += 1
     return counts
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def list_bond_targets(sites, row_at_site, offsets, bits, target):  # type: ignore[no-untyped-def]
+    """Fill the rows of the targets of these bonds."""
+    at = 0
+    for n in range(len(sites)):
+        tile, lane = sites[n] // ROW, np.uint16(sites[n] % ROW)
+        for slot in range(len(offsets)):
+            if (bits[tile, slot] >> lane) & np.uint16(1) and row_at_site[sites[n] + offsets[slot]] >= 0:
+                target[at] = row_at_site[sites[n] + offsets[slot]]
+                at += 1

@@ -59,6 +59,16 @@ class ZoneHistory(NamedTuple):
     largest_clipped_strain: float  # of bonds that do not break: e, or stretch over their limit
 
 
+def list_bonds_of_sites(
+    sites: NDArray[np.int64], rows: NDArray[np.int64], row_at_site: NDArray[np.int32], tiles: Tiles
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Source and target rows (k,) of the bonds of nodes at these sites, whose rows are `rows`."""
+    count = arrangement.count_bonds_of_sites(sites, row_at_site, tiles.offsets, tiles.bits)
+    target = np.zeros(int(count.sum()), dtype=np.int64)
+    arrangement.list_bond_targets(sites, row_at_site, tiles.offsets, tiles.bits, target)
+    return np.repeat(rows, count), target
+
+
 def mask_near_cells(
     numbering: ZoneNumbering, new_cells: NDArray[np.int64], reach: int, reach_above: int | None = None
 ) -> NDArray[np.bool_]:

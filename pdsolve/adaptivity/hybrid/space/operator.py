@@ -24,6 +24,7 @@ from pdsolve.adaptivity.hybrid.space.layout import (
     FullBody,
     ZoneHistory,
     coarse_nodes_at_cell_corners,
+    list_bonds_of_sites,
     mask_near_cells,
     zone_after_refinement,
 )
@@ -319,13 +320,13 @@ class HybridBodyOperator:
         """Source and target rows (k,) of the intact bonds of nodes `first_row` to `end_row` - 1, or of those at the
         start, if `at_start`."""
         end_row = len(self.sites) if end_row is None else end_row
-        fine = self.fine_bonds.sites._replace(node=self._row)
+        bonds, springs, rows = self.fine_bonds, self._zone.coarse_springs, np.arange(first_row, end_row)
         low, high = np.searchsorted(self._coarse, [first_row, end_row])
-        with self.fine_bonds.breaking:
-            bonds = tile_bonds.list_bonds(fine, self.fine_bonds.tiles.bits, np.arange(first_row, end_row))
+        with bonds.breaking:
+            bond_lists = [list_bonds_of_sites(self.sites[first_row:end_row], rows, self._row, bonds.tiles)]
             _, broken_source, broken_target = self.broken()
-        springs = tile_bonds.list_bonds(self._spring_sites, self._zone.coarse_springs.bits, self._coarse[low:high])
-        bond_lists = [(source[target >= 0], target[target >= 0]) for source, target, _ in (bonds, springs)]
+        sites, rows = self._coarse_sites[low:high] - self.full_body.coarse_sites.margin, self._coarse[low:high]
+        bond_lists.append(list_bonds_of_sites(sites, rows, springs.node, springs))
         if at_start:
             in_range = (broken_source >= first_row) & (broken_source < end_row)
             bond_lists.append((broken_source[in_range], broken_target[in_range]))
