@@ -140,7 +140,11 @@ def changed(**more: Any) -> Material:
             3,
             naming("$.run.adapt", found="'split'", expected=("none", "hybrid", "space")),
         ),
-        (of(SOFT, Run(adapt="hybrid")), 3, naming("$.material.law", found="bilinear", expected=("brittle", "space"))),
+        (
+            heated(GLASS, Run(adapt="hybrid")),
+            3,
+            naming("$.physics", found="thermoelastic", expected=("mechanics", "space")),
+        ),
         (
             of(changed(solid="neo hooke"), Run(cracks="particles")),
             2,
