@@ -116,10 +116,11 @@ def test_between_two_entries_of_the_ledger(
     stepper = type(prepare(probed, Options()).system.stepper)
     march = stepper.advance
 
-    def interrupted(own: Stepper, state: State, first: int, last: int) -> None:
-        march(own, state, first, last)
+    def interrupted(own: Stepper, state: State, first: int, end: int) -> int:
+        last = march(own, state, first, end)
         if first == 33:
             signal.raise_signal(signal.SIGINT)
+        return last
 
     with monkeypatch.context() as patch:
         patch.setattr(stepper, "advance", interrupted)

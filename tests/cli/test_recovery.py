@@ -52,11 +52,12 @@ def signalled(probed: Model, number: signal.Signals, times: int, patch: pytest.M
     stepper = type(prepare(probed, Options()).system.stepper)
     march, sent = stepper.advance, []
 
-    def send(own: Stepper, state: State, first: int, last: int) -> None:
-        march(own, state, first, last)
+    def send(own: Stepper, state: State, first: int, end: int) -> int:
+        last = march(own, state, first, end)
         if first >= 33 and len(sent) < times:
             sent.append(first)
             signal.raise_signal(number)
+        return last
 
     patch.setattr(stepper, "advance", send)
 
@@ -144,13 +145,14 @@ def test_another_run_has_begun_to_write(
     stepper = type(prepare(probed, Options()).system.stepper)
     march, others = stepper.advance, []
 
-    def resumed(own: Stepper, state: State, first: int, last: int) -> None:
-        march(own, state, first, last)
+    def resumed(own: Stepper, state: State, first: int, end: int) -> int:
+        last = march(own, state, first, end)
         if first >= 33 and not others:
             others.append(first)
             newest(path, at_least=30)
             Path(f"{path}-lock").unlink()
             resume(path).close()
+        return last
 
     with monkeypatch.context() as patch:
         patch.setattr(stepper, "advance", resumed)

@@ -170,7 +170,7 @@ def test_what_breaks_in_two_keeps_the_last_state_that_rested(monkeypatch: pytest
 
     monkeypatch.setattr(LoadSteps, "solve_equilibrium_after_breakage", parted)
     stepper.advance(state, 2, 4)
-    assert stepper.ended
+    assert stepper.finished
     assert len(stepper.step_results) == 2
     assert np.array_equal(state.value, value)
     assert all(np.array_equal(column, before[name]) for name, column in cracks.checkpoint_arrays().items())

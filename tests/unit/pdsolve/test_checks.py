@@ -105,7 +105,7 @@ def moved(matrix: list[list[float]], away: float = 0.0, kind: str = "float64") -
 def seen(problem: PreparedRun, looks: int = 2) -> list[str]:
     """What a watch says of that, looking so many times."""
     operator = problem.system.operator
-    watch = InversionAndPrecisionChecks(problem.system.model, partial(operator.bonds, start=True))
+    watch = InversionAndPrecisionChecks(problem.system.model, partial(operator.bonds, at_start=True))
     with saying() as lines:
         for step in range(looks):
             watch.warn_of_inversion_or_imprecision(problem.state.value, operator.broken(), step)

@@ -54,23 +54,29 @@ def test_checkpoints_have_the_order_that_they_had() -> None:
         "active_fine_rows active_coarse_rows clipped_pieces border_nodes broken_bonds node_loads"
         " prescribed_components damaged_nodes cell_changes refined_damaged_nodes"
     )
-    assert list(arrays.Counts.__annotations__)[: arrays.STORED] == stored.split()
-    assert list(arrays.Totals.__annotations__) == [
+    assert list(arrays.ZoneCounts.__annotations__)[: arrays.STORED] == stored.split()
+    assert list(arrays.EnergyTotals.__annotations__) == [
         "work",
         "dissipated_energy",
         "refinement_energy",
         "clipped_strain",
         "largest_clipped_strain",
     ]
-    assert list(zone.Totals.__annotations__) == [
+    assert list(zone.EnergyTotals.__annotations__) == [
         "dissipated_energy",
         "refinement_energy",
         "largest_double_green_strain",
         "damped_energy",
     ]
-    assert list(zone.Counts.__annotations__) == ["broken_bonds", "refinement_due", "refinements"]
+    assert list(zone.ZoneCounts.__annotations__) == ["broken_bonds", "refinement_due", "refinements"]
 
 
 def test_no_field_is_hidden_by_an_attribute_of_numpy() -> None:
-    for kind in (arrays.Counts, arrays.Totals, arrays.LoadOrPrescribedMotion, zone.Counts, zone.Totals):
+    for kind in (
+        arrays.ZoneCounts,
+        arrays.EnergyTotals,
+        arrays.LoadOrPrescribedMotion,
+        zone.ZoneCounts,
+        zone.EnergyTotals,
+    ):
         assert not set(kind.__annotations__) & set(dir(np.record)), kind

@@ -22,7 +22,7 @@ def around() -> Surroundings:
     position = model.grid.position
     apart = np.hypot(*(position[:, None] - position).transpose(2, 0, 1))
     source, target = np.nonzero((apart > 0) & (apart < 1.1 * DELTA))
-    operator = SimpleNamespace(bonds=lambda start: (source, target))
+    operator = SimpleNamespace(bonds=lambda at_start: (source, target))
     return Surroundings(model, operator, np.full(len(position), DELTA**2), rest=False)  # type: ignore[arg-type]
 
 
