@@ -349,6 +349,14 @@ def block(measurement: dict[str, Any]) -> str:
             cells += [f"{row['us a node']:.4f}", f"{row['us a node'] / first['us a node']:.1f}"]
             rows.append([*cells, f"{row['megabytes']:.0f}", f"{row['bytes a bond']:.1f}", difference])
         text += f"\nThe {kind}:\n\n{markdown_table(header, rows)}"
+        for row in measured_rows:
+            if "difference from numpy" in row:
+                style = "has" if row["whole has bpm/peri"] else "lacks"
+                difference = f"{row['difference from numpy']:.0e}"
+                text += (
+                    f"\nOn a small model, displacements of {row['code']} are within {difference} of those of the same"
+                    f" sums in numpy. Its package {style} the newer `bond_style bpm/peri`.\n"
+                )
     return text
 
 

@@ -25,7 +25,7 @@ from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate
 
 CLASSICAL, FIBRES, ELEMENTS = "the classical bar", "fibres of the classical beam", "finite elements"
-INDEPENDENT, SOURCE = "an independent program", "the source"
+INDEPENDENT = "an independent program"
 RESULTS = Path("build/sources")
 HEADER = ["", "claimed by the source", "accepted", "whose number", "measured", "accepted?"]
 

@@ -1,8 +1,8 @@
 """How fast bodies in space are: tiles against the list of bonds, in one interleaved run.
 
 `python -m benchmarks.space` writes space.json and tables of docs/verification/accuracy_and_cost.md. Times are
-CPU time of one thread, the least of `ROUNDS` interleaved repeats. Bytes are what
-the process of a large body has at its peak beyond that of a small one.
+CPU time of one thread, the least of `ROUNDS` interleaved repeats. Bytes are what the process of a large body has at its
+peak beyond that of a small one.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ def whole(side: int) -> dict[str, dict[str, float]]:
 
 
 def write_blocks(measurement: dict[str, Any]) -> None:
-    """Write the blocks of the page, and print them; of each measurement that there is."""
+    """Write the blocks of the page, and print them."""
     blocks = {"bodies in space": _of_bodies(measurement["bodies"])}
     peaks = ", ".join(f"{value:.0f} bytes a node in {name}" for name, value in measurement["peak"].items())
     blocks["a million nodes"] = (

@@ -27,7 +27,6 @@ LIBRARIES = tuple(["gmsh", "matplotlib", "meshio", "msgspec", "numba", "numpy", 
 WITHOUT_MEMORY = ("Cannot allocate memory", "cannot allocate memory", "failed to map segment", "can't start new thread")
 OK, FAILURE, BAD_INPUT, UNSTABLE = 0, 1, 2, 3
 BY_SIGNAL = 128  # an exit code less the number of the signal that ended a program, as shells have it
-INTERRUPTED = BY_SIGNAL + signal.SIGINT
 # What asks a program to end: Ctrl-C, a scheduler or a shutdown, a terminal that is closed, which Windows has not
 STOPS = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if sys.platform != "win32" else []))
 INPUTS = (

@@ -80,7 +80,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         for name in ("results", "reference", "compare"):
             for path in commandline.paths_of(args, name):
                 commandline.expect(path, FileKind.RESULTS)
-        from pdsolve.results import ResultsError, state_of
+        from pdsolve.results import Results, ResultsError, state_of
 
         for path in commandline.paths_of(args, "results"):
             with suppress(ResultsError, OSError):  # what cannot be opened is left to the command to report
@@ -89,7 +89,6 @@ def main(argv: Sequence[str] | None = None) -> int:
         if args.command in OF_PLATES:
             # a file that cannot be opened is left to the command to report
             from pdpost.reading.studies import StudyError, stands_for
-            from pdsolve.results import Results, ResultsError
 
             for path in commandline.paths_of(args, "results"):
                 dimension = 2

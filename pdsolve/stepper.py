@@ -31,14 +31,18 @@ class Stepper(ABC):
     operator_has_state: bool = False  # `advance` may be given a state of no nodes, as the operator has it
     load_factor: float | None = None  # of a path or a cycle, the time of profiles, s; None: profiles follow the time
     finished: bool = False  # a path or a life has ended
-    on_progress: Callable[[LoadStepProgress], None] | None = None  # called at each iteration of an equilibrium
+    on_progress: Callable[[LoadStepProgress], None] | None = None  # see `report_to`
 
     @abstractmethod
     def advance(self, state: State, first_step: int, end_step: int) -> int:
         """Take the steps `first_step` to `end_step` - 1, in place; returns the last step taken.
 
-        A path that has ended returns an earlier one.
+        A path that has ended returns an earlier one, a fatigue life that has ended the last step asked for.
         """
+
+    def report_to(self, on_progress: Callable[[LoadStepProgress], None] | None) -> None:
+        """Call `on_progress` at each iteration of an equilibrium from now on; None: call nothing."""
+        self.on_progress = on_progress
 
     def synchronize(self) -> None:  # noqa: B027 - only of a device is the state elsewhere
         """Bring the state up to the steps taken."""
@@ -63,8 +67,9 @@ class Stepper(ABC):
     def restore(  # noqa: B027 - a time integration has no memory
         self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken
     ) -> None:
-        """Restore a checkpoint after `step`, when state, operator and coupled unknowns have been.
+        """Restore a checkpoint after `step`, when state, operator and coupled unknowns have been restored.
 
+        Growing cracks and loads are restored afterwards.
         `broken` are the bonds broken until then. Raises CheckpointError.
         """
 

@@ -78,7 +78,8 @@ def build_file(
         if not isinstance(plate_or_body, Body):
             with errors_at(path):
                 return looked_at(Built(*plate_or_body))
-        scene: Scene | Body = adapted(plate_or_body, adapt)
+        with errors_at(path):
+            scene: Scene | Body = adapted(plate_or_body, adapt)
     else:
         scene = read_scene(path, assignments, refine, trust, cracks)
     with errors_at(path):

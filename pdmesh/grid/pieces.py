@@ -22,6 +22,8 @@ def faces_of(plate: shapely.Geometry, grid: Grid) -> list[shapely.Polygon]:
     """The parts into which pre-cracks divide a grid's plate."""
     if not len(grid.cracks):
         return list(parts(plate))
+    # Ends are extended to cross the edges they are on; segments extended one by one overlap where they are short, and
+    # overlaps take time squared
     by = SLACK * float(grid.delta.min())
     merged = shapely.line_merge(shapely.multilinestrings(grid.cracks.reshape(-1, 2, 2)))
     chains = []

@@ -47,5 +47,7 @@ class Scattered(NamedTuple):
             over = np.einsum("ktd,ktd->kt", a, np.cross(b, c))
             under = x * y * z + x * np.einsum("ktd,ktd->kt", b, c)
             under += y * np.einsum("ktd,ktd->kt", a, c) + z * np.einsum("ktd,ktd->kt", a, b)
-            inside[rows] = np.abs(2 * np.arctan2(over, under).sum(axis=1)) > np.pi  # on a face 2 pi
+            inside[rows] = (
+                np.abs(2 * np.arctan2(over, under).sum(axis=1)) > np.pi
+            )  # 4 pi inside, 0 outside, on a face 2 pi
         return inside

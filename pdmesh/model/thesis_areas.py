@@ -2,16 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.neighbours import ROUND_OFF
-
-if TYPE_CHECKING:
-    pass
 
 ROWS = 16384  # whose surroundings are looked at together
 NEAREST = 24  # nodes looked at to find the four next ones; an interface of ratio 2 needs 13

@@ -54,6 +54,7 @@ def orientation(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     order = np.argsort(edge, kind="stable")
     _, shared = np.unique(edge[order], return_counts=True)
     first, second = order[np.repeat(shared, shared) == 2].reshape(-1, 2).T
+    # Triangles agree if they run along their edge in opposite directions; edges of more than two are ignored
     against = (ends[first, 0] == ends[second, 0]) * count
     first_triangle, second_triangle = first // 3, second // 3
     side = connected(

@@ -68,9 +68,8 @@ def split(builder: ir.IRBuilder, value: Any) -> list[Any]:
 def join(builder: ir.IRBuilder, parts: list[Any]) -> Any:
     """One vector of the lanes of its parts: one, two or four of them."""
     if len(parts) > 1 and has_feature("avx"):
-        # The compiler does not see where the parts are from: else it does to one after the other what is done
-        # to all side by side, which takes a tenth longer; its own fence for numbers does not keep it from
-        # that
+        # The compiler does not see where the parts are from: else it does to one after the other what is done to all
+        # side by side, which takes a tenth longer; its own fence for numbers does not keep it from that
         parts = [builder.asm(ir.FunctionType(part.type, [part.type]), "", "=x,0", [part], False) for part in parts]
     while len(parts) > 1:
         count = 2 * parts[0].type.count

@@ -29,7 +29,7 @@ from pdsolve.lattice.flux_operator import FluxesInList, links_between
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
-from pdsolve.stepper import Stepper
+from pdsolve.stepper import LoadStepProgress, Stepper
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.theta import ThetaSteps
 
@@ -141,7 +141,6 @@ class Swelling(Stepper):
 
         `state` is that of the motion.
         """
-        self.motion.on_progress = self.on_progress
         step, strain_energy = first_step, None
         while step < end_step:
             until = min(end_step, step + (self.steps_per_content_step // 2 + 1 - step) % self.steps_per_content_step)
@@ -152,6 +151,11 @@ class Swelling(Stepper):
             strain_energy = self._heat(state, step, strain_energy)
             step += 1
         return end_step - 1
+
+    def report_to(self, on_progress: Callable[[LoadStepProgress], None] | None) -> None:
+        """Call `on_progress` at each iteration of an equilibrium of the motion from now on; None: call nothing."""
+        super().report_to(on_progress)
+        self.motion.report_to(on_progress)
 
     def checkpoint_arrays(self) -> Mapping[str, NDArray[Any]]:
         """History of the motion, for a checkpoint; the content has a checkpoint of its own."""

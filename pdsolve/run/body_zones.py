@@ -22,7 +22,7 @@ from pdsolve.state import State, zero_state
 
 
 class BodyCellRefinement:
-    """Makes cells fine around broken bonds and stretched springs; its history is stored in the operator."""
+    """Makes cells fine around softened or broken bonds and stretched springs; the operator stores its history."""
 
     steps_between_checks = EVERY
 

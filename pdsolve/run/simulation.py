@@ -383,6 +383,8 @@ def _advance_to_end_and_close_results(
             ends = {UnstableError: "unstable", NotConvergedError: "unsettled", KeyboardInterrupt: "interrupted"}
             writer.abandon(ends.get(type(error), "failed"))
             raise error from error.__cause__
+        finally:
+            recorder.system.stepper.report_to(None)  # else the stepper keeps the recorder, and with it this run
         last = writer.done()
         last.close(status)
     results = Results(last.connection, "results in memory") if request.output is None else Results.open(request.output)
@@ -466,7 +468,7 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
         if watch is not None and watch(_make_progress(recorder, step, load_step_progress)):
             raise KeyboardInterrupt("within a load step, which is lost")
 
-    recorder.system.stepper.on_progress = show_load_step_progress
+    recorder.system.stepper.report_to(show_load_step_progress)
     writer.stop = watcher_requests_stop
     while step < run.steps and not (interrupted or done):
         looks = run.steps if adapt is None else change_nodes_if_due_and_find_next_step(recorder, adapt, step)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
-from pdsolve.stepper import Stepper
+from pdsolve.stepper import LoadStepProgress, Stepper
 from pdsolve.steppers.equilibrium import Equilibrium
 from pdsolve.steppers.load_steps import LoadSteps
 
@@ -31,9 +31,16 @@ class CycleSteps(Stepper):
         self.step_results: list[Cycled] = []
         self.end_reason = ""
 
+    def report_to(self, on_progress: Callable[[LoadStepProgress], None] | None) -> None:
+        """Call `on_progress` at each iteration under the largest loads from now on; None: call nothing."""
+        super().report_to(on_progress)
+        self._motion.report_to(on_progress)
+
     def advance(self, state: State, first_step: int, end_step: int) -> int:
-        """Take the steps `first_step` to `end_step` - 1, in place, unless life has ended. Raises NotConvergedError."""
-        self._motion.on_progress = self.on_progress
+        """Take the steps `first_step` to `end_step` - 1, in place, unless life has ended; returns the last one.
+
+        Raises NotConvergedError.
+        """
         for step in range(first_step, end_step):
             if self.finished:
                 break

@@ -70,7 +70,7 @@ class PathStepper(Stepper):
         for step in range(first_step, end_step):
             if not self.finished:
                 self._take_path_step(state, step)
-        return self.step_results[-1].step
+        return self.step_results[-1].step if self.step_results else end_step - 1
 
     def checkpoint_arrays(self) -> dict[str, Array]:
         """The steps so far, for a checkpoint."""

@@ -42,7 +42,7 @@ from pdsolve.steppers.path_following import (
     PathSolution,
     ProportionalLoads,
 )
-from pdsolve.steppers.path_stepper import PathStepper
+from pdsolve.steppers.path_stepper import REACHED, PathStepper
 from pdsolve.steppers.rigid_body_modes import find_loose_bodies
 
 Array = NDArray[np.float64]
@@ -216,15 +216,17 @@ class SofteningPathSteps(PathStepper):
                 reach = min(reach, left / opened * (near.load_factor - start_point.load_factor))
             current_point, factor = near, min(float(start_point.load_factor + reach), 1.0)
         path_point = self._find_equilibrium_at_load_factor(current_point, factor)
-        self.finished = factor == 1.0 or self._is_final_opening_reached(path_point[0])
+        self.finished, self.end_reason = (True, REACHED) if factor == 1.0 else (False, "")
+        self._end_at_final_opening(path_point[0])
         return path_point[0], count + path_point[1], max(residual, path_point[2])
 
     def _control_value(self, point: PathPoint) -> float:
         return self._follower.control.control_value(point.displacement, point.energy_or_arc_length)
 
-    def _is_final_opening_reached(self, point: PathPoint) -> bool:
-        """Whether the gap that controls is as wide as it is to be in the end."""
-        return self._control_value(point) > self._opening - NEAR * self._most
+    def _end_at_final_opening(self, point: PathPoint) -> None:
+        """End the path where the gap that controls is as wide as it is to be."""
+        if self._control_value(point) > self._opening - NEAR * self._most:
+            self.finished, self.end_reason = True, "the opening is reached"
 
     def _find_equilibrium_at_load_factor(self, near_point: PathPoint, load_factor: float) -> PathSolution:
         return solve_until_contact_converges(
@@ -268,10 +270,11 @@ class SofteningPathSteps(PathStepper):
             try:
                 new, more, residual = self._find_equilibrium_at_load_factor(last, 1.0)
                 count += more
-            except NotConvergedError:  # the path turns round beyond
-                pass
+                self.end_reason = REACHED
+            except NotConvergedError:
+                self.end_reason = "the path turns round beyond the loads"
             self.finished = True
-        self.finished |= self._is_final_opening_reached(new)
+        self._end_at_final_opening(new)
         return new, iterations + count, residual
 
     def _choose_secant_iterations_for_retry(self, secant_iterations: int, error: NotConvergedError) -> int:

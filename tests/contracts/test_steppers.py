@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.kinds_of_run import KINDS
+from pdsolve.run import simulation
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import list_breaks_since, make_checkpoint, restore_state
 from pdsolve.run.system import PreparedRun
@@ -54,3 +55,13 @@ def test_profiles_follow_the_time_or_a_load_factor(kind: str) -> None:
     expected = system.time_step if factor is None else factor
     assert np.isfinite(expected)
     assert system.profile_time_or_load_factor(1) == expected
+
+
+@pytest.mark.parametrize("kind", ["bonds", "heat at rest", "fatigue", "fatigue by K"])
+def test_a_stepper_forgets_its_run(kind: str) -> None:
+    """Nobody is told of equilibria after a run, so that its system and state are freed with the last reference."""
+    system, state = prepared_kind(kind)
+    simulation.run(system, state).close()
+    inner = vars(system.stepper)
+    for stepper in (system.stepper, inner.get("motion"), inner.get("_motion")):
+        assert stepper is None or stepper.on_progress is None

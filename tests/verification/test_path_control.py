@@ -62,6 +62,7 @@ def test_the_path_is_that_by_dissipation() -> None:
     with simulate(beam(static), None, Options(threads=1)) as results:
         opened, cell = curve(results, "middle"), curve(results, "supports")
         assert results.meta()["status"] == "finished"
+        assert results.summary()["ended"] == "the opening is reached"
     assert opened.opening[-1] == pytest.approx(4e-4, rel=1e-3)
     assert np.abs(opened.force).max() == pytest.approx(np.abs(energy.force).max(), rel=0.005)
     assert cell.force == pytest.approx(-opened.force, rel=1e-4, abs=1e-4 * np.abs(opened.force).max())

@@ -71,7 +71,7 @@ class FineLattice(NamedTuple):
     node_volume: float  # h^3, m^3
     limit_strain_ratio_of_pair: NDArray[
         np.float64
-    ]  # (p,) of pairs of materials: least e at which bonds break over theirs
+    ]  # (p,) of pairs of materials: least e at which bonds soften or break over theirs
     xi_row_of_piece_kind: NDArray[np.int32]  # (q,) row of `distinct_piece_xi` of a kind of pieces
     distinct_piece_xi: NDArray[np.float64]  # (g, 4) xi, m, from the near end to the far one, and 1 / |xi|^2
 

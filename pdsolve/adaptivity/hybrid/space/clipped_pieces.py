@@ -3,7 +3,7 @@
 u, force    (q, 4) displacements of points, m, and forces on them, N; the last column of u is 0
 xi          (g, 4) xi from the near end to the far one, m, and 1 / |xi|^2
 far, row    (p,) points at the far ends of pieces, and their rows of xi
-k, breaks   (p,) stiffness, N/m, and the least e at which bonds break over that of the piece's
+k, breaks   (p,) stiffness, N/m, and the least e at which bonds soften or break over that of the piece's
 top         (8,) the largest of e times `limit_ratio` so far
 at, near    the first of the eight, and the point at their near end
 """

@@ -24,7 +24,10 @@ ROOM = 16  # pieces of a node, about
 
 
 class FullBody(NamedTuple):
-    """What does not change: the body with all its fine nodes."""
+    """The body with all its fine nodes.
+
+    Bits are those of bonds not broken when cells last became fine; all else is constant.
+    """
 
     law: Law
     model: Model | None  # None of a block alone
@@ -56,7 +59,7 @@ class ZoneHistory(NamedTuple):
     """Books of a run whose operator is created anew when cells become fine."""
 
     refinement_energy: float  # J, in the plane per unit thickness: energy that refining has made
-    largest_clipped_strain: float  # of bonds that do not break: e, or stretch over their limit
+    largest_clipped_strain: float  # of clipped bonds: e, or stretch over that at which they soften or break
 
 
 def list_bonds_of_sites(

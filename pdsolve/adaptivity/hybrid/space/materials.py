@@ -40,7 +40,7 @@ def fine_node_masses(model: Model, sites: Sites, fine: FineLattice) -> NDArray[n
 
 
 def limit_strain_ratios_of_pairs(tiles: Tiles) -> NDArray[np.float64]:
-    """The least e at which bonds break over that (p,) of pairs of materials; 0 of those that never break."""
+    """The least e at which bonds soften or break over that (p,) of pairs of materials; 0 of those that never break."""
     e = tiles.peak.min(axis=1) * (2 + tiles.peak.min(axis=1))
     return np.asarray(np.divide(e.min(), e, out=np.zeros(len(e)), where=np.isfinite(e)))
 

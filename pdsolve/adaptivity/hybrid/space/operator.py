@@ -170,7 +170,7 @@ class HybridBodyOperator:
     def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, 3), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long.
 
-        Raises FineZoneTooLateError if a clipped bond exceeds its limit.
+        Raises FineZoneTooLateError if a clipped bond would soften or break.
         """
         points = self._set_displacements(state.value)
         zone, nodes, force, density = self._zone, len(self.sites), self._force, self._density

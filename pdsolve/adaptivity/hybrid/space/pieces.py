@@ -38,7 +38,7 @@ class BondPieceGroupsOfEight(NamedTuple):
     far_point: NDArray[np.int32]  # (8 g,) point at the far end
     xi_row: NDArray[np.int32]  # (8 g,) row of xi
     stiffness: NDArray[np.float64]  # (8 g,) N/m
-    # (8 g,) least e at which bonds break over that of its own; 0 if it never breaks
+    # (8 g,) least e at which bonds soften or break over that of its own; 0 if it never breaks
     limit_strain_ratio: NDArray[np.float64]
 
 
