@@ -218,13 +218,8 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
             output = args.output or Path(args.model.stem + ".sqlite")
             path = commandline.output_path(args.output, args.model, ".sqlite", args.force or is_empty(output))
             if model.settings.run.after == "motion":
-                commandline.output_path(
-                    results_file_of_motion_after_equilibrium_path(path),
-                    args.model,
-                    ".sqlite",
-                    args.force,
-                    is_companion=True,
-                )
+                companion = results_file_of_motion_after_equilibrium_path(path)
+                commandline.output_path(companion, args.model, ".sqlite", args.force, is_companion=True)
             if not args.force:
                 state_of(path)  # a log without its database is left alone
             with _says_how_to_go_on(path, args), compile_time_said(lambda words: commandline.note(words, args)):

@@ -17,7 +17,10 @@ from pdsolve.state import State
 NODES_CHANGE = {"hybrid", "collocation", "split"}  # whose nodes a checkpoint restores first; see tests/formats
 STEPS = 2  # before the checkpoint, and after it
 pytestmark = pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")  # bodies this small jump
-KINDS_OF_STEPPER = sorted(KINDS.keys() - NODES_CHANGE)
+QUICK = ("at rest", "bonds", "diffusion", "dissolution, implicit", "fatigue", "fatigue by K", "heat at rest")
+KINDS_OF_STEPPER = [
+    pytest.param(kind, marks=() if kind in QUICK else pytest.mark.slow) for kind in sorted(KINDS.keys() - NODES_CHANGE)
+]
 
 
 def prepared_kind(kind: str) -> PreparedRun:
@@ -46,7 +49,7 @@ def test_a_restored_stepper_goes_on_bit_by_bit(kind: str) -> None:
     assert json.dumps(first.system.stepper.summary()) == json.dumps(second.system.stepper.summary())
 
 
-@pytest.mark.parametrize("kind", KINDS_OF_STEPPER)
+@pytest.mark.parametrize("kind", QUICK)
 def test_profiles_follow_the_time_or_a_load_factor(kind: str) -> None:
     """A time integration has no load factor; that of a path or a cycle is finite."""
     system, state = prepared_kind(kind)

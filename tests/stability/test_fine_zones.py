@@ -18,6 +18,7 @@ from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
+from pdsolve.run.simulation import simulate
 from pdsolve.zone.cells import COARSE, FINE
 
 RAMP = ((0.0, 0.0), (2e-6, 1.0))
@@ -53,7 +54,7 @@ def test_tips_under_load(failure: Callable[..., None]) -> None:
     ahead, made = first_break("hybrid")
     late, made_late = first_break("hybrid", tips=False)
     assert abs(ahead - uniform) <= 1
-    assert abs(late - uniform) >= 4  # measured
+    assert abs(late - uniform) >= 3  # measured
     assert abs(made_late) > 10 * abs(made)
     failure(
         fails=f"A struck plate whose tips stay coarse until they are stretched breaks its first bond in step {late}, "
@@ -67,28 +68,31 @@ def test_tips_under_load(failure: Callable[..., None]) -> None:
 
 
 @pytest.mark.slow
-def test_a_border_that_is_stretched(failure: Callable[..., None], pdsolve: Callable[..., Said]) -> None:
-    """Bonds stretched at the border of a fine zone.
+def test_a_plate_that_tears_everywhere(failure: Callable[..., None]) -> None:
+    """Fine zones in a plate that tears everywhere.
 
-    Clipped bonds, which lead from fine cells into coarse ones, do not break. If a plate is pulled so suddenly that
-    it tears everywhere, it is stretched at the border
-    of the fine zone before the zone grows.
+    Clipped bonds, which lead from fine cells into coarse ones, do not break. Cells become fine before these bonds reach
+    their limit. If a plate is pulled so suddenly that it tears everywhere, all of its cells become fine.
     """
     grid, pull = rectangle(40, 30, 1e-3), 60e6 / 1.5e-3
     loads = (
         Load(box=(-1.0, -1.0, 1.0, 1.1e-3), body_force=(0.0, -pull), profile=RAMP),
         Load(box=(-1.0, 28.9e-3, 1.0, 1.0), body_force=(0.0, pull), profile=RAMP),
     )
-    models = [plate_of(grid, loads, adapt) for adapt in ("hybrid", "none")]
-    anew, whole = (pdsolve(model) for model in models)
-    assert (anew.code, whole.code) == (0, 0)
-    assert [mentions(line, found=("border", "stretch")) for line in anew.err] == [True, True, True]
-    assert anew.out[-1] == whole.out[-1]  # bonds broken and energies
+    first_steps, summaries = [], []
+    for adapt in ("hybrid", "none"):
+        with simulate(plate_of(grid, loads, adapt), None, Options(threads=1)) as results:
+            first_steps.append(int(results.breaks().step.min()))
+            summaries.append(results.summary())
+    zone = summaries[0]["hybrid"]
+    assert abs(first_steps[0] - first_steps[1]) <= 1  # measured 0
+    assert zone["clipped_stretch"] < 1  # measured 0.92: no clipped bond reaches its limit
+    assert zone["fine_share"] == 1
     failure(
-        fails="A plate, pulled at its edges by 60 MPa within two microseconds, tears faster than its fine zone grows.",
-        noticed="The run goes back, and its cells become fine sooner from a frame on, then from the start; in the end"
-        " it begins anew with fine nodes everywhere, and ends as one with `--adapt none`.",
-        says=anew.err,
+        fails="A plate, pulled at its edges by 60 MPa within two microseconds, tears everywhere. Its first bond breaks"
+        f" in step {first_steps[0]}, in step {first_steps[1]} with fine nodes everywhere. Then"
+        f" {zone['fine_share']:.0%} of the plate become fine, so that the zone saves nothing.",
+        noticed="By the fine share in the summary, and in `history`.",
         cure="`--adapt none`, or `auto`: where much of a plate breaks at once, little of it would stay coarse.",
     )
 
@@ -97,22 +101,22 @@ def test_a_border_that_is_stretched(failure: Callable[..., None], pdsolve: Calla
 def test_zones_too_narrow(failure: Callable[..., None], pdsolve: Callable[..., Said]) -> None:
     """Zones that are narrow for their horizon.
 
-    Cells within 8 spacings of what breaks become fine. A horizon of 5 or 6 spacings takes up most of that: bonds that
-    should break reach beyond the zone, where they are clipped and cannot break.
+    Cells within 8 spacings of what breaks become fine. A horizon of 6 spacings takes up most of that: bonds that should
+    break reach beyond the zone, where they are clipped and cannot break.
     """
     runs = {ratio: pdsolve(with_horizon(struck("hybrid", steps=85), ratio), "--json") for ratio in (4.0, 5.0, 6.0)}
     assert [said.code for said in runs.values()] == [0, 0, 0]
-    for ratio, times in ((5.0, 1), (6.0, 2)):
-        assert [mentions(line, found=("border", "stretch")) for line in runs[ratio].err] == [True] * times
-    assert runs[4.0].err == []
-    stretch = json.loads("\n".join(runs[4.0].out))["hybrid"]["clipped_stretch"]
-    assert stretch < 0.6  # measured 0.52
+    assert [mentions(line, found=("border", "stretch")) for line in runs[6.0].err] == [True, True]
+    assert runs[4.0].err == runs[5.0].err == []
+    stretch, wider = (json.loads("\n".join(runs[ratio].out))["hybrid"]["clipped_stretch"] for ratio in (4.0, 5.0))
+    assert stretch < 0.6  # measured 0.49
+    assert wider < 0.9  # measured 0.80
     failure(
-        fails="The struck plate with horizons of 5 and 6 spacings.",
-        noticed="The run goes back or begins anew; with 6 spacings it ends with fine nodes everywhere.",
-        says=[runs[5.0].err[0], runs[6.0].err[0]],
-        cure="Horizons of 3 or 4 spacings: with 4 the run goes on, and no clipped bond exceeds"
-        f" {stretch:.2f} of its limit. Or `--adapt none`.",
+        fails="The struck plate with a horizon of 6 spacings.",
+        noticed="The run begins anew, and ends with fine nodes everywhere.",
+        says=[runs[6.0].err[0]],
+        cure=f"Smaller horizons: with 4 spacings no clipped bond exceeds {stretch:.2f} of its limit, with 5 spacings"
+        f" {wider:.2f}. Or `--adapt none`.",
     )
 
 
