@@ -31,6 +31,7 @@ class Stepper(ABC):
     operator_has_state: bool = False  # `advance` may be given a state of no nodes, as the operator has it
     load_factor: float | None = None  # of a path or a cycle, the time of profiles, s; None: profiles follow the time
     finished: bool = False  # a path or a life has ended
+    inner: Stepper | None = None  # the stepper that finds the equilibria, or takes the motion's steps, of this one
     on_progress: Callable[[LoadStepProgress], None] | None = None  # see `report_to`
 
     @abstractmethod
@@ -43,6 +44,8 @@ class Stepper(ABC):
     def report_to(self, on_progress: Callable[[LoadStepProgress], None] | None) -> None:
         """Call `on_progress` at each iteration of an equilibrium from now on; None: call nothing."""
         self.on_progress = on_progress
+        if self.inner is not None:
+            self.inner.report_to(on_progress)
 
     def synchronize(self) -> None:  # noqa: B027 - only of a device is the state elsewhere
         """Bring the state up to the steps taken."""

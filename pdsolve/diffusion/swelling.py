@@ -29,7 +29,7 @@ from pdsolve.lattice.flux_operator import FluxesInList, links_between
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
-from pdsolve.stepper import LoadStepProgress, Stepper
+from pdsolve.stepper import Stepper
 from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.theta import ThetaSteps
 
@@ -108,6 +108,7 @@ class Swelling(Stepper):
         self._broken, self._free = broken, np.ones(len(model.grid), dtype=np.bool_) if free is None else free
         self._content, self._h = content, content_state
         self.motion, self.steps_per_content_step, self._bonds = motion, steps_per_content_step, bonds
+        self.inner = motion
         self._alpha, self._T0 = coefficients(model)
         medium = model.settings.medium
         assert medium is not None
@@ -151,11 +152,6 @@ class Swelling(Stepper):
             strain_energy = self._heat(state, step, strain_energy)
             step += 1
         return end_step - 1
-
-    def report_to(self, on_progress: Callable[[LoadStepProgress], None] | None) -> None:
-        """Call `on_progress` at each iteration of an equilibrium of the motion from now on; None: call nothing."""
-        super().report_to(on_progress)
-        self.motion.report_to(on_progress)
 
     def checkpoint_arrays(self) -> Mapping[str, NDArray[Any]]:
         """History of the motion, for a checkpoint; the content has a checkpoint of its own."""

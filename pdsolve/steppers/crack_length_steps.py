@@ -24,7 +24,6 @@ from pdsolve.conditions import Drive, put_loads
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
-from pdsolve.stepper import LoadStepProgress
 from pdsolve.steppers.equilibrium import Equilibrium, NotConvergedError, force_densities
 from pdsolve.steppers.growing_cracks import CrackedBodySnapshot, CrackGrowth, EvaluatedTip, stress_intensities_of_tips
 from pdsolve.steppers.load_steps import LoadSteps, LoadStepStatistics
@@ -52,12 +51,8 @@ class CrackLengthSteps(PathStepper):
     ) -> None:
         super().__init__(model, drive, area)
         self._operator, self._motion, self._cracks = operator, load_steps, growth
+        self.inner = load_steps
         self.description = f"crack length as the control, {load_steps.method.description}"
-
-    def report_to(self, on_progress: Callable[[LoadStepProgress], None] | None) -> None:
-        """Call `on_progress` at each iteration of an equilibrium of the path from now on; None: call nothing."""
-        super().report_to(on_progress)
-        self._motion.report_to(on_progress)
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
-from pdsolve.stepper import LoadStepProgress, Stepper
+from pdsolve.stepper import Stepper
 from pdsolve.steppers.equilibrium import Equilibrium
 from pdsolve.steppers.load_steps import LoadSteps
 
@@ -26,15 +26,11 @@ class CycleSteps(Stepper):
     def __init__(self, law: Fatigue, operator: Operator, load_steps: LoadSteps, step_description: str) -> None:
         """`step_description` is what a step is."""
         self._law, self._operator, self._motion = law, operator, load_steps
+        self.inner = load_steps
         self._cycles = 0.0
         self.description = f"{step_description}, {load_steps.method.description}"
         self.step_results: list[Cycled] = []
         self.end_reason = ""
-
-    def report_to(self, on_progress: Callable[[LoadStepProgress], None] | None) -> None:
-        """Call `on_progress` at each iteration under the largest loads from now on; None: call nothing."""
-        super().report_to(on_progress)
-        self._motion.report_to(on_progress)
 
     def advance(self, state: State, first_step: int, end_step: int) -> int:
         """Take the steps `first_step` to `end_step` - 1, in place, unless life has ended; returns the last one.
