@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.domain_integrals import FractureParameters
-from pdmesh.model.tip_fields import Elastic
+from pdsolve.fracture.domain_integrals import FractureParameters
+from pdsolve.fracture.fields import Elastic
 
 
 class Griffith(NamedTuple):

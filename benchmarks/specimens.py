@@ -20,7 +20,7 @@ from benchmarks.models import model_of
 from pdmesh import Circle, Material, Run, Scene, Static, box
 from pdmesh.model.document import Displacement
 from pdmesh.model.material_constants import BONDS_NU
-from pdmesh.model.tip_fields import Elastic
+from pdsolve.fracture.fields import Elastic
 from pdsolve.model import Model
 
 WIDE = 80  # spacings of the width

@@ -19,9 +19,9 @@ from benchmarks.models import grid_of_nodes
 from benchmarks.pages import markdown_table
 from benchmarks.specimens import PULL, STATIC, UNIT, centre_shape, edge_shape
 from pdmesh.model.document import Horizon, Load, Material, Settings
-from pdmesh.model.domain_integrals import Ring
 from pdmesh.model.lattice_calibration import calibration, lattice_ratios
 from pdpost.measures.stress_intensities import follow_tip_intensities
+from pdsolve.fracture.domain_integrals import Ring
 from pdsolve.laws import MODELS, ordinary
 from pdsolve.laws.law import Law
 from pdsolve.model import Model

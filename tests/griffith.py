@@ -12,10 +12,10 @@ from plates import GLASS, plate, square_grid
 from system_checks import bonds_of, equilibrium
 
 from benchmarks.griffith import Griffith
-from pdmesh.model.domain_integrals import FractureParameters, Ring, Sampled, integrals
-from pdmesh.model.gradients import Stiffness, gradients_of, green, hooke
 from pdmesh.model.material_constants import BONDS_NU
-from pdmesh.model.tip_fields import Elastic
+from pdsolve.fracture.domain_integrals import FractureParameters, Ring, Sampled, integrals
+from pdsolve.fracture.fields import Elastic
+from pdsolve.fracture.gradients import Stiffness, gradients_of, green, hooke
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 

@@ -11,7 +11,7 @@ from plates import plate, square_grid
 from static_solution import settled
 
 from pdmesh.model.document import Material
-from pdmesh.model.gradients import gradients_of
+from pdsolve.fracture.gradients import gradients_of
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun

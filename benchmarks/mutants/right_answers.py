@@ -309,10 +309,10 @@ RIGHT_ANSWERS = (
         "tests/unit/pdsolve/test_material_checks.py::test_a_small_scaled_problem_is_built",
     ),
     Mutant(
-        "pdmesh/model/broken_area.py",
+        "pdsolve/fracture/broken_area.py",
         "* stands_for[which] / 2",
         "/ 2",
-        "tests/unit/pdmesh/model/test_broken_area.py::test_a_cut_of_a_plate_has_its_length",
+        "tests/unit/pdsolve/fracture/test_broken_area.py::test_a_cut_of_a_plate_has_its_length",
     ),
     Mutant(
         "pdsolve/run/summary_lines.py",

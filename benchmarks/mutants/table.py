@@ -270,10 +270,10 @@ MUTANTS = (
         "tests/laws/test_table.py",
     ),
     Mutant(
-        "pdmesh/model/domain_integrals.py",
+        "pdsolve/fracture/domain_integrals.py",
         "2 * np.arctan2(-2 * K2,",
         "2 * np.arctan2(2 * K2,",
-        "tests/unit/pdmesh/model/test_domain_integrals.py::test_a_crack_turns_to_where_the_hoop_stress_of_its_own_field_is_largest",
+        "tests/unit/pdsolve/fracture/test_domain_integrals.py::test_a_crack_turns_to_where_the_hoop_stress_of_its_own_field_is_largest",
     ),
     Mutant(
         "pdsolve/crack_growth/criteria.py",

@@ -12,8 +12,8 @@ from pdmesh.grid import implicit_lattice, soundness
 from pdmesh.grid.adaptive_scene import nested, undivided
 from pdmesh.grid.bodies import build_body
 from pdmesh.grid.bodies_beside import build_scene, each_alone
+from pdmesh.model.contradictions import wrong_monitors
 from pdmesh.model.document import ON_ONE_LATTICE, Document, Settings, write_file
-from pdmesh.model.monitors import contradiction
 from pdmesh.model.node_grid import Grid, document_of
 from pdmesh.model.rigid_bodies import without_bonds
 from pdmesh.model.selection import two_motions
@@ -70,7 +70,7 @@ def build(scene: Scene | Body) -> Built:
 
 
 def _build(scene: Scene | Body) -> Built:
-    wrong = contradiction(scene.run, [condition.action.name for condition in scene.conditions])
+    wrong = wrong_monitors(scene.run, [condition.action.name for condition in scene.conditions])
     if wrong is not None:
         raise SceneError(f"run.{wrong}")
     if isinstance(scene, Body):

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Document, Load
+from pdmesh.model.node_arrays import selected
 from pdmesh.model.node_grid import Grid
-from pdmesh.model.selection import selected
 from pdmesh.model.suggestions import called
 from pdmesh.model.values_at_places import vectors_at
 

@@ -1,20 +1,57 @@
-"""Nodes as arrays."""
+"""Nodes as arrays, and selections of them by ids or by a box."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pdmesh.model.document import Lattice
 from pdmesh.model.kd_trees import tree_of
-from pdmesh.model.selection import selected
 from pdmesh.model.svg_picture import svg
 
 TIE = 1e-9  # relative difference of distances that are equal but for round-off
+SLACK = 1e-9  # of a node's spacing: how far beside a box it is still in it
+
+
+class Positioned(Protocol):
+    """Nodes with positions, as a grid and as results have them."""
+
+    @property
+    def ids(self) -> NDArray[np.int64]:
+        """The ids of the nodes, (n,), each different."""
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """The reference positions (n, d) of the nodes, m."""
+
+    @property
+    def delta(self) -> NDArray[np.float64]:
+        """The spacings (n,) of the nodes, m."""
+
+
+def rows_of(nodes: Positioned, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The rows (k,) of the nodes with these ids (k,), which must be there."""
+    order = np.argsort(nodes.ids)
+    return np.asarray(order[np.searchsorted(nodes.ids, ids, sorter=order)], dtype=np.int64)
+
+
+def in_box(nodes: Positioned, box: ArrayLike) -> NDArray[np.bool_]:
+    """Mask (n,) of the nodes in a box or on its edge; a box is its low corner, then its high one, m."""
+    low, high = np.reshape(np.asarray(box, dtype=float), (2, nodes.position.shape[1]))
+    slack = SLACK * nodes.delta[:, None]
+    return np.asarray(((nodes.position >= low - slack) & (nodes.position <= high + slack)).all(axis=1))
+
+
+def selected(nodes: Positioned, ids: Sequence[int] | None, box: ArrayLike | None) -> NDArray[np.bool_]:
+    """Mask (n,) of the nodes of a condition or region: those with its ids or, without ids, those in its box."""
+    if ids is not None:
+        return np.isin(nodes.ids, np.array(ids, dtype=np.int64))
+    assert box is not None
+    return in_box(nodes, box)
 
 
 class Bodies(NamedTuple):

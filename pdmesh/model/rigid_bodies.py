@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model import selection
+from pdmesh.model import node_arrays
 from pdmesh.model.contact import RigidBody, wrong_spin
 from pdmesh.model.document import Acceleration, Displacement, GridError, InitialVelocity, Settings, Velocity
 from pdmesh.model.node_grid import Grid
@@ -21,7 +21,7 @@ def rigid_bodies(grid: Grid, settings: Settings) -> Iterator[tuple[RigidBody, ND
     """Each rigid body, the rows (k,) of its nodes, and its number among the conditions."""
     for number, condition in enumerate(settings.conditions):
         if isinstance(condition, RigidBody):
-            rows = np.flatnonzero(selection.selected(grid, condition.nodes, condition.box))
+            rows = np.flatnonzero(node_arrays.selected(grid, condition.nodes, condition.box))
             yield condition, rows, number
 
 
@@ -47,7 +47,7 @@ def without_bonds(grid: Grid, settings: Settings, name: str) -> Grid:
         for held_number, condition in enumerate(settings.conditions):
             if not isinstance(condition, Displacement | Velocity | Acceleration):
                 continue
-            if selection.selected(grid, condition.nodes, condition.box)[rows].any():
+            if node_arrays.selected(grid, condition.nodes, condition.box)[rows].any():
                 raise GridError(
                     f"{name}: $.conditions[{held_number}] has nodes of the rigid body of {place}; leave them out:"
                     " its own 'held' holds it"

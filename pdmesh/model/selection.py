@@ -1,15 +1,15 @@
-"""Selections of nodes, by ids or by a box, and checks of the conditions and regions on them."""
+"""Checks of conditions and regions on selections of nodes."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from pdmesh.model.contact import wrong_spin
+from pdmesh.model.contradictions import wrong_monitors
 from pdmesh.model.document import (
     Acceleration,
     AnyCondition,
@@ -27,33 +27,13 @@ from pdmesh.model.document import (
     Velocity,
 )
 from pdmesh.model.ground_supports import wrong_spring
-from pdmesh.model.monitors import contradiction
+from pdmesh.model.node_arrays import Grid
 from pdmesh.model.values_at_places import values_at
 from pdmesh.model.values_of_place import PlaceError, Value, named, varying, wrong_value
-
-if TYPE_CHECKING:
-    from pdmesh.model.node_arrays import Grid
 
 WHOLES = {2: "a plate", 3: "a body in space"}
 LOADS = ("body_force", "traction", "force")
 PRESCRIBED = (Displacement, Velocity, Acceleration)
-SLACK = 1e-9  # of a node's spacing: how far beside a box it is still in it
-
-
-class Positioned(Protocol):
-    """Nodes with positions, as a grid and as results have them."""
-
-    @property
-    def ids(self) -> NDArray[np.int64]:
-        """The ids of the nodes, (n,), each different."""
-
-    @property
-    def position(self) -> NDArray[np.float64]:
-        """The reference positions (n, d) of the nodes, m."""
-
-    @property
-    def delta(self) -> NDArray[np.float64]:
-        """The spacings (n,) of the nodes, m."""
 
 
 def components(
@@ -67,27 +47,6 @@ def given_of(load: Load) -> dict[str, Sequence[Value]]:
     """What is given of a load's body_force (N/m^3), traction (Pa) and force (N/m or N), by name."""
     candidates = ((name, getattr(load, name)) for name in LOADS)
     return {name: vector for name, vector in candidates if vector is not None}
-
-
-def rows_of(nodes: Positioned, ids: NDArray[np.int64]) -> NDArray[np.int64]:
-    """The rows (k,) of the nodes with these ids (k,), which must be there."""
-    order = np.argsort(nodes.ids)
-    return np.asarray(order[np.searchsorted(nodes.ids, ids, sorter=order)], dtype=np.int64)
-
-
-def in_box(nodes: Positioned, box: ArrayLike) -> NDArray[np.bool_]:
-    """Mask (n,) of the nodes in a box or on its edge; a box is its low corner, then its high one, m."""
-    low, high = np.reshape(np.asarray(box, dtype=float), (2, nodes.position.shape[1]))
-    slack = SLACK * nodes.delta[:, None]
-    return np.asarray(((nodes.position >= low - slack) & (nodes.position <= high + slack)).all(axis=1))
-
-
-def selected(nodes: Positioned, ids: Sequence[int] | None, box: ArrayLike | None) -> NDArray[np.bool_]:
-    """Mask (n,) of the nodes of a condition or region: those with its ids or, without ids, those in its box."""
-    if ids is not None:
-        return np.isin(nodes.ids, np.array(ids, dtype=np.int64))
-    assert box is not None
-    return in_box(nodes, box)
 
 
 def last_selecting(selections: Sequence[Selection], grid: Grid) -> NDArray[np.int64]:
@@ -136,7 +95,7 @@ def check(settings: Settings, grid: Grid, name: str) -> None:
             _check_length(end, grid.dimension, f"{name}: $.run.gaps[{number}].ends")
     run = settings.run
     if run.gaps or run.load_cells or run.static.control is not None or run.static.opening is not None:
-        wrong = contradiction(run, [condition.name for condition in settings.conditions])
+        wrong = wrong_monitors(run, [condition.name for condition in settings.conditions])
         if wrong is not None:
             raise GridError(f"{name}: $.run.{wrong}")
 

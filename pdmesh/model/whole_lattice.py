@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pdmesh.model.document import Lattice
-from pdmesh.model.node_arrays import TIE, Grid
-from pdmesh.model.selection import SLACK
+from pdmesh.model.node_arrays import SLACK, TIE, Grid
 
 
 def places(first: float, spacing: float, numbers: NDArray[np.int64]) -> NDArray[np.float64]:

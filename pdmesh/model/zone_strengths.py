@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model import cohesive_softening, selection
+from pdmesh.model import cohesive_softening, node_arrays, selection
 from pdmesh.model.document import (
     Acceleration,
     Displacement,
@@ -129,7 +129,7 @@ def remarks(grid: Grid, settings: Settings) -> Iterator[str]:
         acting = [
             f"'{called(condition.name, number)}'"
             for number, condition in enumerate(settings.conditions)
-            if _pulls(condition) and coarse[selection.selected(grid, condition.nodes, condition.box)].any()
+            if _pulls(condition) and coarse[node_arrays.selected(grid, condition.nodes, condition.box)].any()
         ]
         if acting:
             verb = "acts" if len(acting) == 1 else "act"

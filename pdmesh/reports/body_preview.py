@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from numpy.typing import NDArray
 
-from pdmesh.model import selection
+from pdmesh.model import node_arrays, selection
 from pdmesh.model.document import Document
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.suggestions import called
@@ -99,7 +99,7 @@ def marked(document: Document, grid: Grid) -> Iterator[tuple[str, str, NDArray[n
     ]
     entries += [("material", called(item.name, at, "region"), item) for at, item in enumerate(document.regions)]
     for number, (kind, name, entry) in enumerate(entries):
-        rows = selection.selected(grid, entry.nodes, entry.box)
+        rows = node_arrays.selected(grid, entry.nodes, entry.box)
         sums = total(entry, grid, np.flatnonzero(rows))
         yield f"{kind} '{for_legend(name)}': {int(rows.sum())} nodes{sums}", CONDITIONS[number % len(CONDITIONS)], rows
 

@@ -13,7 +13,7 @@ from pdmesh.grid.adaptive_scene import nested, undivided
 from pdmesh.grid.bodies import build_body
 from pdmesh.grid.bodies_beside import build_scene
 from pdmesh.grid.lattice import grid_of_nodes, place_nodes
-from pdmesh.model import selection, zone_strengths
+from pdmesh.model import node_arrays, selection, zone_strengths
 from pdmesh.model.bond_counts import pair_count
 from pdmesh.model.consistency import examine
 from pdmesh.model.contradictions import Case
@@ -307,7 +307,7 @@ def _fields(struct: Any) -> dict[str, Any]:
 
 def _condition(condition: Any, grid: Grid) -> dict[str, Any]:
     values = {"kind": condition.__struct_config__.tag} | _fields(condition)
-    values["nodes"] = int(selection.selected(grid, condition.nodes, condition.box).sum())
+    values["nodes"] = int(node_arrays.selected(grid, condition.nodes, condition.box).sum())
     return {name: value for name, value in values.items() if value not in (None, (), "")}
 
 

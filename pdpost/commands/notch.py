@@ -72,7 +72,7 @@ def _notch(args: argparse.Namespace) -> int:
 
 def _polylines(results: Results, step: int) -> _Found:
     """The cracks of particles of a plate. Raises ResultsError without any."""
-    from pdmesh.model.crack_particles import arms, polylines, until
+    from pdsolve.fracture.crack_particles import arms, polylines, until
     from pdsolve.results import ResultsError
 
     particles = until(results.particles(), step)

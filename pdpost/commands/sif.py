@@ -22,9 +22,9 @@ from pdpost.commands.shared import (
 )
 
 if TYPE_CHECKING:
-    from pdmesh.model.domain_integrals import Ring
     from pdpost.commands.shared import Commands
     from pdpost.measures.stress_intensities import TipIntensityHistory
+    from pdsolve.fracture.domain_integrals import Ring
     from pdsolve.results import Results
 
 UNITS = {"J": "J/m^2", "K1": "Pa m^0.5", "K2": "Pa m^0.5", "T": "Pa", "angle": "degrees"}
@@ -61,13 +61,13 @@ def _ring(text: str) -> tuple[float, float]:
 
 
 def _sif(args: argparse.Namespace) -> int:
-    from pdmesh.model.domain_integrals import Ring
     from pdpost.commands import sif_in_space
     from pdpost.measures import stress_intensities
     from pdpost.measures.release import measure_energy_release
     from pdpost.measures.tips import crack_branches
     from pdpost.reading.embedded_model import expect_mechanics
     from pdpost.reading.frame_steps import chosen
+    from pdsolve.fracture.domain_integrals import Ring
     from pdsolve.results import Results
 
     path = picture_path(args, ".sif.png")

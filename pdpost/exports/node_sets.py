@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.selection import selected
+from pdmesh.model.node_arrays import selected
 from pdmesh.plain_text import visible
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Results

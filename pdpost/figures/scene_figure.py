@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
-from pdmesh.model.selection import selected
+from pdmesh.model.node_arrays import selected
 from pdmesh.model.suggestions import called
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_legend

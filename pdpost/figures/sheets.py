@@ -17,8 +17,6 @@ from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path as Curve
 from numpy.typing import NDArray
 
-from pdmesh.model.crack_particles import arms, until
-from pdmesh.model.gradients import gradients_of
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.plain_figure import Figure
 from pdpost.figures import raster
@@ -30,6 +28,8 @@ from pdpost.measures import plate_geometry
 from pdpost.measures.plate_geometry import PlateGeometry, VoronoiCells, clipped_voronoi_cells, read_plate_geometry
 from pdpost.measures.strain import families_without_broken_bonds
 from pdpost.reading.stored_fields import vector
+from pdsolve.fracture.crack_particles import arms, until
+from pdsolve.fracture.gradients import gradients_of
 from pdsolve.results import Results
 
 TALLEST, FLATTEST = 6.5, 1.2  # inches, of the plate

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Material, Region
 from pdmesh.model.graphs import connected
-from pdmesh.model.selection import selected
+from pdmesh.model.node_arrays import selected
 from pdpost.measures.crack_faces import FaceNeighbourPairs
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Results

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pdmesh.model.crack_surfaces import TOUCH, front
-from pdmesh.model.front_integrals import FrontPlace
 from pdpost.measures.crack_faces import build_crack_surface, find_opened_face_neighbours
 from pdpost.measures.crack_fronts import Polyline, chain_edges, front_lines_at, line_length
 from pdpost.measures.lattice_neighbours import NEAR
+from pdsolve.fracture.front_integrals import FrontPlace
 from pdsolve.results import Nodes, Results
 
 EVERY = 2.0  # spacings between points of a front

@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pdmesh.model.front_integrals import FrontPlace, across
 from pdpost.measures.front_places import CrackPointsAndFronts
 from pdpost.measures.lattice_neighbours import NEAR, face_neighbour_pairs
 from pdpost.measures.strain import elastic_constants_of_nodes
 from pdpost.measures.tip_surroundings import UndisturbedRoom, nodes_of_loads_and_grips
+from pdsolve.fracture.front_integrals import FrontPlace, across
 from pdsolve.results import Results
 
 BESIDE, SLANT = 1.5, 0.1  # spacings beside an arc's plane or circle, and of the distance: what is nearer is on it

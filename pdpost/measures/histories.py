@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model import selection
+from pdmesh.model import node_arrays
 from pdmesh.model.output_fields import of_dimension
 from pdpost.measures.fields import FieldError
 from pdpost.reading.frame_steps import frames
@@ -107,7 +107,7 @@ def mean_history_in_box(
     _expect_coordinate_count(results, "--box", box, 2)
     corners = np.sort(np.reshape(box, (2, -1)), axis=0)
     nodes = results.lives().nodes
-    inside = selection.in_box(nodes, corners)
+    inside = node_arrays.in_box(nodes, corners)
     if not inside.any():
         low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
         raise ResultsError(
@@ -118,7 +118,7 @@ def mean_history_in_box(
     label = f"mean of {len(ids)} nodes" if len(ids) > 1 else f"node {ids[0]}"
 
     def find_rows_in_box(nodes: Nodes) -> NDArray[np.int64]:
-        return np.flatnonzero(selection.in_box(nodes, corners))
+        return np.flatnonzero(node_arrays.in_box(nodes, corners))
 
     time, values = _read_quantity_of_frames(results, find_rows_in_box, quantity, component)
     spread = [

@@ -15,10 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pdmesh.model.domain_integrals import SampledMotion
-from pdmesh.model.front_integrals import FrontFieldSamples, FrontParameters, Tube, front_integrals
-from pdmesh.model.gradients import PAIRS, gradients_of, green, hooke
-from pdmesh.model.tip_fields import Elastic
 from pdpost.measures.cracked_nodes import ROUND_OFF, damage_with_pre_cracks_at
 from pdpost.measures.front_places import (
     CrackPointsAndFronts,
@@ -32,6 +28,10 @@ from pdpost.measures.stress_intensities import CRUMB, FractureGridFileKeys
 from pdpost.measures.tip_surroundings import UndisturbedRoom
 from pdpost.reading.embedded_model import at_rest, read
 from pdpost.reading.stored_fields import vector
+from pdsolve.fracture.domain_integrals import SampledMotion
+from pdsolve.fracture.fields import Elastic
+from pdsolve.fracture.front_integrals import FrontFieldSamples, FrontParameters, Tube, front_integrals
+from pdsolve.fracture.gradients import PAIRS, gradients_of, green, hooke
 from pdsolve.results import Results, ResultsError
 
 LEAST, MOST = 2.0, 3.5  # horizons of room that are needed, and that are used

@@ -14,14 +14,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.curved_gradients import curved_gradients_of
 from pdmesh.model.document import Material, Region
-from pdmesh.model.gradients import Stiffness, gradients_of
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.material_constants import poisson
-from pdmesh.model.selection import selected
+from pdmesh.model.node_arrays import selected
 from pdpost.reading.embedded_model import physics_of, read
 from pdpost.reading.stored_fields import scalar, vector
+from pdsolve.fracture.gradients import Stiffness, curved_gradients_of, gradients_of
 from pdsolve.results import Families, Results, ResultsError
 
 

@@ -17,9 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Horizon, Material
-from pdmesh.model.domain_integrals import FractureParameters, Ring, Sampled, SampledMotion, integrals
-from pdmesh.model.gradients import gradients_of, green
-from pdmesh.model.tip_fields import Elastic
 from pdpost.measures import fields
 from pdpost.measures.cracked_nodes import ROUND_OFF, damage_with_pre_cracks_at
 from pdpost.measures.strain import elastic_constants_of_nodes, families_without_broken_bonds, stress_work_if_yielded
@@ -33,6 +30,9 @@ from pdpost.measures.tip_surroundings import (
 )
 from pdpost.reading.embedded_model import at_rest, read
 from pdpost.reading.stored_fields import vector
+from pdsolve.fracture.domain_integrals import FractureParameters, Ring, Sampled, SampledMotion, integrals
+from pdsolve.fracture.fields import Elastic
+from pdsolve.fracture.gradients import gradients_of, green
 from pdsolve.results import Results, ResultsError
 
 BLURRED = 2.0  # horizons around a tip where displacements are not the classical ones

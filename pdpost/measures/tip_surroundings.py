@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.model.selection import selected
+from pdmesh.model.node_arrays import selected
 from pdpost.measures.cracked_nodes import find_free_pre_crack_tips
 from pdpost.measures.plate_geometry import read_plate_geometry
 from pdpost.measures.strain import elastic_constants_of_nodes

@@ -20,7 +20,6 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.model.crack_particles import Particles, until
 from pdmesh.model.document import Horizon
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.output_fields import CRACKED
@@ -30,6 +29,7 @@ from pdpost.measures.plate_geometry import read_plate_geometry
 from pdpost.measures.skeleton import SLAB, Chain, CrackSkeleton
 from pdpost.measures.speed import WINDOW, TipSpeeds, estimate_tip_speeds, window_for_mean_speed
 from pdpost.reading.embedded_model import read
+from pdsolve.fracture.crack_particles import Particles, until
 from pdsolve.results import Results
 
 NEAR_TIP = 3.0  # spacings within which a crack begins or ends at the tip of a pre-crack

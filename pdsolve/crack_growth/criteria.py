@@ -19,8 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import ParticleRules
-from pdmesh.model.domain_integrals import Ring, Sampled, integrals, kink
-from pdmesh.model.tip_fields import Elastic
+from pdsolve.fracture.domain_integrals import Ring, Sampled, integrals, kink
+from pdsolve.fracture.fields import Elastic
 
 AHEAD = 1.5  # horizons that stress is looked at in
 BEGINS = 0.5  # horizons: nearer nodes have bonds that are cut

@@ -17,8 +17,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.crack_particles import Particles, arms, grown, of_segments
-from pdmesh.model.domain_integrals import Ring
 from pdmesh.model.material_constants import poisson, rayleigh_speed
 from pdmesh.model.timed_selection import MOST_STEPS
 from pdmesh.model.visibility import Sight
@@ -31,6 +29,8 @@ from pdsolve.crack_growth.tip_bond_weights import Round
 from pdsolve.crack_growth.tip_gradients import Surroundings
 from pdsolve.crack_growth.tips import Tip, tips_of
 from pdsolve.errors import CheckpointError
+from pdsolve.fracture.crack_particles import Particles, arms, grown, of_segments
+from pdsolve.fracture.domain_integrals import Ring
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Operator

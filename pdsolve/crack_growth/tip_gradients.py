@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.domain_integrals import Sampled, SampledMotion
-from pdmesh.model.gradients import Stiffness, gradients_of, green, hooke
 from pdmesh.model.material_constants import poisson
 from pdmesh.model.neighbours import Pairs
-from pdmesh.model.tip_fields import Elastic
+from pdsolve.fracture.domain_integrals import Sampled, SampledMotion
+from pdsolve.fracture.fields import Elastic
+from pdsolve.fracture.gradients import Stiffness, gradients_of, green, hooke
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State

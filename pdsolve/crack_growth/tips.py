@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.crack_particles import Particles, arms, links
 from pdsolve.crack_growth.obstacles import CrackedPlate, distance
+from pdsolve.fracture.crack_particles import Particles, arms, links
 
 
 class Tip(NamedTuple):

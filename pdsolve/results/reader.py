@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.files import FilePath
-from pdmesh.model.crack_particles import Particles
 from pdmesh.model.output_fields import UNITS, USUAL
+from pdsolve.fracture.crack_particles import Particles
 from pdsolve.results import pieces, validation
 from pdsolve.results.checksums import Row, select
 from pdsolve.results.errors import ResultsError, explained

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from pdmesh.model.bond_counts import pair_count
-from pdmesh.model.broken_area import broken_area
 from pdsolve.checks import closing, warn_of_created_energy, warn_of_damping, warn_of_missing_dissipation
 from pdsolve.errors import UnstableError
+from pdsolve.fracture.broken_area import broken_area
 from pdsolve.laws.material_checks import negative_secants
 from pdsolve.results import FrameRecord, Results
 from pdsolve.run.inversion_checks import InversionAndPrecisionChecks

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model import selection
+from pdmesh.model import node_arrays
 from pdmesh.model.document import Pin, RigidBody, Selection, Spring
 from pdmesh.model.neighbours import lengths
 from pdsolve.conditions import Driving, factor_now
@@ -56,7 +56,7 @@ def list_force_conditions_with_nodes(system: System) -> tuple[ForceConditionWith
 def _find_nodes_of_condition(system: System, condition: Selection) -> NDArray[np.int64]:
     """Current nodes of a condition; the nearest one if it acts between nodes."""
     grid, full_model = system.model.grid, system.requested_model
-    rows = np.flatnonzero(selection.selected(grid, condition.nodes, condition.box))
+    rows = np.flatnonzero(node_arrays.selected(grid, condition.nodes, condition.box))
     if len(rows):
         return rows
     place = full_model.grid.part(full_model.selected(condition)).position.mean(axis=0)

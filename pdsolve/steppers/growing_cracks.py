@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.crack_particles import Particles
+from pdsolve.fracture.crack_particles import Particles
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
 

@@ -13,10 +13,10 @@ from database_contents import contents, kill_when
 from messages import mentions, naming
 
 from pdmesh.drawing import parameters
-from pdmesh.model.crack_particles import until
 from pdpost.__main__ import main as pdpost
 from pdpost.measures.tip_surroundings import tip_histories
 from pdsolve.__main__ import main as pdsolve
+from pdsolve.fracture.crack_particles import until
 from pdsolve.results import Results
 from pdsolve.results.errors import DamagedError
 

@@ -12,9 +12,8 @@ import pytest
 from messages import mentions
 from prescribed_results import block, results_of
 
-from pdmesh.model.front_fields import front_field
-from pdmesh.model.tip_fields import Elastic
 from pdpost.__main__ import main
+from pdsolve.fracture.fields import Elastic, front_field
 from pdsolve.results import Families
 
 E, NU = 70e9, 0.3

@@ -10,8 +10,8 @@ from messages import naming
 from plates import ROOT, shipped
 
 from benchmarks.forks import SPACINGS, STEPS, forked, table
-from pdmesh.model.crack_particles import Particles
-from pdmesh.model.domain_integrals import kink
+from pdsolve.fracture.crack_particles import Particles
+from pdsolve.fracture.domain_integrals import kink
 from pdsolve.model import Model, ModelWarning
 from pdsolve.run.simulation import Options, simulate
 

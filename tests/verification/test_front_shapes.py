@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.special import ellipe
 
 from benchmarks.griffith import Griffith
-from pdmesh.model.tip_fields import Elastic
+from pdsolve.fracture.fields import Elastic
 
 Array = NDArray[np.float64]
 

@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model import selection
+from pdmesh.model import node_arrays
 from pdmesh.model.neighbours import ROWS
 from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, split_rows_into_ranges
 from pdsolve.bonds.assembly import Paired, Part, stiffness_bound
@@ -119,7 +119,7 @@ def model_of_rows(model: Model, rows: NDArray[np.int64]) -> Model:
     part = model.grid.part(rows)
     regions = []
     for region in model.settings.regions:
-        region_ids = part.ids[selection.selected(part, region.nodes, region.box)]
+        region_ids = part.ids[node_arrays.selected(part, region.nodes, region.box)]
         if len(region_ids):
             regions.append(msgspec.structs.replace(region, nodes=tuple(region_ids.tolist()), box=None))
     settings = msgspec.structs.replace(model.settings, conditions=(), regions=tuple(regions))

@@ -14,9 +14,7 @@ from crack_particle_strips import BY_STRESS, pulled
 from database_contents import contents
 from messages import mentions, naming
 
-from pdmesh.model.crack_particles import arms, until
 from pdmesh.model.document import Displacement, Load, ParticleRules, Run, Static
-from pdmesh.model.domain_integrals import Ring, Sampled
 from pdmesh.model.material_constants import poisson, rayleigh_speed
 from pdmesh.model.visibility import Sight
 from pdpost.measures.cracks import find_crack_events
@@ -24,6 +22,8 @@ from pdsolve.crack_growth.criteria import ANGLES, Verdict, _maxima, by_stress
 from pdsolve.crack_growth.growth import every_of
 from pdsolve.crack_growth.obstacles import CrackedPlate
 from pdsolve.crack_growth.tips import tips_of
+from pdsolve.fracture.crack_particles import arms, until
+from pdsolve.fracture.domain_integrals import Ring, Sampled
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.bond_list import BondList
 from pdsolve.results import Results

@@ -11,7 +11,8 @@ from plates import GLASS, square_grid
 
 from pdmesh import GridError
 from pdmesh.model.document import AnyCondition, Displacement, InitialVelocity, Load, Region, Settings
-from pdmesh.model.selection import check, in_box, rows_of, selected
+from pdmesh.model.node_arrays import in_box, rows_of, selected
+from pdmesh.model.selection import check
 
 GRID = replace(square_grid(3, 2), ids=np.array([7, 5, 3, 6, 4, 2]))  # spacing 1 mm, the first at the origin
 

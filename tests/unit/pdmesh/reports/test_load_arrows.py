@@ -12,8 +12,8 @@ from plates import square_grid
 from pdmesh import Scene
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Displacement, Load
+from pdmesh.model.node_arrays import selected
 from pdmesh.model.node_grid import Grid
-from pdmesh.model.selection import selected
 from pdmesh.reports.load_arrows import symbols, total
 
 GRID = square_grid(21, 11)  # 20 x 10 mm

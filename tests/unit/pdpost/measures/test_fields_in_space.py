@@ -7,9 +7,9 @@ import pytest
 from messages import naming
 from prescribed_results import block, results_of
 
-from pdmesh.model.gradients import gradients_of
 from pdpost.measures import fields
 from pdpost.measures.lines import sample_field_along_line
+from pdsolve.fracture.gradients import gradients_of
 from pdsolve.results import Families, Nodes, ResultsError
 
 H = np.array([[3e-3, -1e-3, 2e-3], [4e-3, 2e-3, -3e-3], [1e-3, 5e-3, -2e-3]])

@@ -9,9 +9,9 @@ import pytest
 from messages import naming
 from prescribed_results import MODEL, plate, results_of
 
-from pdmesh.model import gradients
 from pdmesh.model.document import Material
 from pdpost.measures import fields, strain
+from pdsolve.fracture import gradients
 from pdsolve.results import ResultsError
 
 H = np.array([[3e-3, -1e-3], [4e-3, 2e-3]])

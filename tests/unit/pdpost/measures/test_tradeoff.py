@@ -206,7 +206,7 @@ def test_plates_too_small_to_compare(
 
 
 def test_nodes_without_bonds_have_no_strain(tmp_path: Path) -> None:
-    from pdmesh.model.gradients import gradients_of
+    from pdsolve.fracture.gradients import gradients_of
 
     with run(tmp_path / "a.sqlite", 10, 1e-3) as results:
         moved = np.column_stack([results.field("ux", 100), results.field("uy", 100)])

@@ -8,11 +8,10 @@ import sneddon
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pdmesh.model.domain_integrals import SampledMotion
-from pdmesh.model.front_fields import front_field
-from pdmesh.model.front_integrals import FrontFieldSamples, FrontParameters, FrontPlace, Tube, front_integrals
-from pdmesh.model.gradients import PAIRS, Stiffness, gradients_of, hooke
-from pdmesh.model.tip_fields import Elastic
+from pdsolve.fracture.domain_integrals import SampledMotion
+from pdsolve.fracture.fields import Elastic, front_field
+from pdsolve.fracture.front_integrals import FrontFieldSamples, FrontParameters, FrontPlace, Tube, front_integrals
+from pdsolve.fracture.gradients import PAIRS, Stiffness, gradients_of, hooke
 
 SOLID = Elastic(2.0, 0.3, "strain")
 ACROSS = np.array([0.0, 0.0, 1.0])

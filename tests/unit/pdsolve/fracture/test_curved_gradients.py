@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pdmesh.model.curved_gradients import curved_gradients_of
-from pdmesh.model.gradients import gradients_of
 from pdmesh.model.kd_trees import tree_of
+from pdsolve.fracture.gradients import curved_gradients_of, gradients_of
 
 
 def families(position: NDArray[np.float64], reach: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

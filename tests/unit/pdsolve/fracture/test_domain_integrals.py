@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 from plates import square_grid
 
-from pdmesh.model.domain_integrals import Ring, Sampled, SampledMotion, integrals, kink, weight
-from pdmesh.model.tip_fields import Elastic, TipField, intensities, pushed
+from pdsolve.fracture.domain_integrals import Ring, Sampled, SampledMotion, integrals, kink, weight
+from pdsolve.fracture.fields import Elastic, TipField, intensities, pushed
 
 STRESS, STRAIN = Elastic(3.0, 0.3, "stress"), Elastic(3.0, 0.3, "strain")
 

@@ -27,9 +27,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.domain_integrals import SampledMotion, kink
-from pdmesh.model.front_fields import FrontField, front_field
-from pdmesh.model.tip_fields import Elastic
+from pdsolve.fracture.domain_integrals import SampledMotion, kink
+from pdsolve.fracture.fields import Elastic, FrontField, front_field
 
 AT_FRONT = 1e-9  # of a tube: a node this near to the front does not count, where the other fields are infinite
 STRAIGHT = 1e-9  # of a tube's radius over that of the arc: no arc

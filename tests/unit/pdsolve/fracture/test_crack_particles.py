@@ -1,4 +1,4 @@
-"""Cracks as particles with arms to their neighbours (pdmesh.model.crack_particles)."""
+"""Cracks as particles with arms to their neighbours (pdsolve.fracture.crack_particles)."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import pytest
 import shapely
 from plates import lattice
 
-from pdmesh.model.crack_particles import arms, grown, nobody, of_segments, polylines, until
 from pdmesh.model.neighbours import Neighbours
 from pdmesh.model.visibility import Sight
+from pdsolve.fracture.crack_particles import arms, grown, nobody, of_segments, polylines, until
 
 
 @pytest.mark.parametrize(("count", "leaks", "wrong"), [(12, 128, 120), (24, 0, 16)])

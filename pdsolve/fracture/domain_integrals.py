@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.tip_fields import Elastic, TipField, intensities, pushed
+from pdsolve.fracture.fields import Elastic, TipField, intensities, pushed
 
 AT_TIP = 1e-9  # of a ring: a node this near to the tip does not count, where the other fields are infinite
 

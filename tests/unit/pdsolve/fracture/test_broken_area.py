@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from plates import GLASS, square_grid
 
-from pdmesh.model import broken_area as module
-from pdmesh.model.broken_area import broken_area
 from pdmesh.model.document import Material
 from pdmesh.model.material_constants import micromodulus
 from pdmesh.model.neighbours import Neighbours
 from pdmesh.model.node_grid import Grid
+from pdsolve.fracture import broken_area as module
+from pdsolve.fracture.broken_area import broken_area
 
 
 def block(side: int) -> Grid:

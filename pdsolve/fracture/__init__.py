@@ -1,0 +1,1 @@
+"""Fields, gradients and integrals at cracks, which runs that grow cracks and pictures of results share."""
