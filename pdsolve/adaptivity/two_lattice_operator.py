@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
     from pdsolve.adaptivity.factory import MovingZoneOperator
-    from pdsolve.adaptivity.hybrid.engine import ZoneSummary
+    from pdsolve.zone.summary import ZoneSummary
 
 
 class EnergyBalanceTotals(NamedTuple):

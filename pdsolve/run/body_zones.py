@@ -8,8 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.arrays import EVERY
-from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.hybrid.space.prepare import create_conditions_of_current_nodes
 from pdsolve.errors import CheckpointError
@@ -19,6 +17,8 @@ from pdsolve.run.energy_steps import half_kick_work_of_acceleration_error, verle
 from pdsolve.run.node_changes import SystemAfterNodeChange
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.state import State, zero_state
+from pdsolve.zone.cells import EVERY
+from pdsolve.zone.summary import ZoneSummary
 
 
 class BodyCellRefinement:

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.quadtree import criteria
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds, update_leaf_bonds
 from pdsolve.adaptivity.quadtree.inherited_cracks import PreviousBonds, inherit_break_steps
@@ -27,6 +26,7 @@ from pdsolve.run.operator_factory import stable_time_step_from_stiffness_bound
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import force_densities
+from pdsolve.zone.summary import ZoneSummary
 
 
 class CellSplitting:

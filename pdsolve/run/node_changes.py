@@ -11,10 +11,10 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.run.system import PreparedRun, System, system_with_moved_zone
 from pdsolve.state import State, zero_state
+from pdsolve.zone.summary import ZoneSummary
 
 
 class SystemAfterNodeChange(NamedTuple):

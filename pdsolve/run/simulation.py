@@ -15,8 +15,6 @@ import numpy as np
 from pdmesh import stopping
 from pdmesh.files import FilePath
 from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity, error_of_too_late_fine_zone
-from pdsolve.adaptivity.hybrid.arrays import EVERY
-from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.checks import warn_of_model, warn_of_unused
 from pdsolve.codegen.compile_time import compile_seconds, processor_kind, running_time
 from pdsolve.conditions import has_initial_displacement
@@ -49,6 +47,8 @@ from pdsolve.run.zone_restarts import RefinementThresholdFromStep
 from pdsolve.state import State
 from pdsolve.stepper import LoadStepProgress
 from pdsolve.steppers.equilibrium import NotConvergedError
+from pdsolve.zone.cells import EVERY
+from pdsolve.zone.summary import ZoneSummary
 
 PATIENCE = 4e8  # bond updates between two looks at the watcher, some 0.2 s; fewer where they take longer
 DEFAULT = Options()

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.conditions import Drive
 from pdsolve.diffusion.system import Transport
 from pdsolve.lattice.operator import BlockLattice
@@ -20,6 +19,7 @@ from pdsolve.run.operator_factory import unwrap_bond_operator
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.stepper import Stepper
+from pdsolve.zone.summary import ZoneSummary
 
 if TYPE_CHECKING:
     from pdsolve.adaptivity.factory import MovingZoneOperator

@@ -17,12 +17,12 @@ from pdsolve.adaptivity.hybrid.adaptivity_choice import (
     model_with_wider_zone_or_fine_everywhere,
     refinement_stretch_ratio,
 )
-from pdsolve.adaptivity.hybrid.arrays import EVERY
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.errors import FineZoneTooLateError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.system import System
+from pdsolve.zone.cells import EVERY
 
 KEY = "sooner"  # of `meta`
 

@@ -20,6 +20,10 @@ LEFT = ROW  # idle places before each row of nodes in the plane
 BELOW = 8  # idle rows of fine nodes below and above
 BELOW_COARSE = 2  # of coarse and far ones
 AROUND = 6  # cells around the plate that are void
+EVERY = 8  # steps between two looks at what has broken and what is stretched
+AHEAD = 8  # h: cells this near to a node that has lost a bond become fine
+TIPS = 12  # h: likewise to the tip of a pre-crack, at the start
+RING = 4  # h beyond the family's reach: likewise to a cell that an outline cuts, at the start
 # cells; empty ones have none of the plate, as void ones, but bonds pass through; far ones are four at a time one of 4 h
 COARSE, FINE, VOID, EMPTY, FAR = range(5)
 IDLE, FREE, BORDER = range(3)  # nodes; those on the border move with coarser ones

@@ -32,7 +32,6 @@ from pdsolve.adaptivity.collocation.zone import (
     zone_with_active_coarse_nodes,
 )
 from pdsolve.adaptivity.hybrid.arrays import BreakEvents
-from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.checkpoint_validation import entry, like, pulls_to_arrays, read_pulls
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
@@ -42,6 +41,7 @@ from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import State
 from pdsolve.steppers.verlet import Verlet
+from pdsolve.zone.summary import ZoneSummary
 
 
 class CollocationSettings(NamedTuple):

@@ -16,10 +16,10 @@ from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import count_bonds, list_bonds
 from pdsolve.adaptivity.collocation.row_stiffness import stiffness_of_bonds
 from pdsolve.adaptivity.collocation.zone import COARSE, FINE
-from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_rows_with_spacing_and_areas
 from pdsolve.adaptivity.two_lattice_operator import EnergyBalanceTotals, TwoLatticeOperator
 from pdsolve.model import Model
 from pdsolve.state import Broken, State
+from pdsolve.zone.node_models import model_of_rows_with_spacing_and_areas
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

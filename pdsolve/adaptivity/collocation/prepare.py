@@ -13,10 +13,10 @@ from pdsolve.adaptivity.collocation.layout import create_constants_and_plate, cr
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.adaptivity.collocation.row_stiffness import largest_stiffness_bound, store_stiffness_once_for_equal_rows
 from pdsolve.adaptivity.collocation.zone import mask_possible_coarse_nodes
-from pdsolve.adaptivity.hybrid.coarse_cells import check_model_supported, create_unsupported_error
 from pdsolve.conditions import drive, initial_velocity
 from pdsolve.model import Model
 from pdsolve.operators.stencils import StencilError, elastic, longest, stencil_of
+from pdsolve.zone.refusals import check_model_supported, create_unsupported_error
 from pdsolve.zone.springs import create_fine_springs
 
 LEAST, MOST = 3.0, 32.0  # horizon over spacing

@@ -16,11 +16,6 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.zone.bond_parts import BondPartsInCells
 from pdsolve.zone.cells import ZoneNumbering
 
-EVERY = 8  # steps between two looks at what has broken and what is stretched
-AHEAD = 8  # h: cells this near to a node that has lost a bond become fine
-TIPS = 12  # h: likewise to the tip of a pre-crack, at the start
-RING = 4  # h beyond the family's reach: likewise to a cell that an outline cuts, at the start
-
 
 class LatticeConstants(NamedTuple):
     """The constant arrays of a hybrid plate: lattice, springs, masses and limits of bonds."""

@@ -9,12 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.messages import unfit
 from pdmesh.model.document import Lattice as Nodes
 from pdmesh.model.lattice_calibration import has_partial_cells
 from pdmesh.model.whole_lattice import WholeLattice
-from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
-from pdsolve.model import Model, ModelError
+from pdsolve.model import Model
 from pdsolve.numerics.dilation import in_disc
 from pdsolve.zone.cells import (
     AROUND,
@@ -23,6 +21,8 @@ from pdsolve.zone.cells import (
     EMPTY,
     FINE,
     LEFT,
+    RING,
+    TIPS,
     VOID,
     ZoneNumbering,
     create_plate_numbering,
@@ -30,6 +30,7 @@ from pdsolve.zone.cells import (
     place_number_at,
 )
 from pdsolve.zone.prescribed_motion import nodes_kept_fine_by_prescribed_motion
+from pdsolve.zone.refusals import check_model_supported, create_unsupported_error
 from pdsolve.zone.start_cells import (
     count_full_cubes_around_nodes,
     mask_cells_around_nodes,
@@ -197,22 +198,6 @@ def create_hybrid_plate(model: Model) -> HybridPlate:
     return _create_listed_plate(model, h, grid.position.min(axis=0))
 
 
-def check_model_supported(model: Model, largest_ratio: float) -> None:
-    """Raise ModelError for a model that a moving fine zone does not support; horizons are at most `largest_ratio`."""
-    grid, settings = model.grid, model.settings
-    if settings.horizon.ratio > largest_ratio:
-        raise create_unsupported_error(
-            model, "$.horizon.ratio", f"{settings.horizon.ratio:g}", f"at most {largest_ratio:g}"
-        )
-    if (grid.delta != grid.delta[0]).any():
-        raise create_unsupported_error(
-            model,
-            "$.nodes",
-            "several spacings",
-            f"one, the finest, as pdmesh build --adapt {adaptivity_name(model)} makes of its zones",
-        )
-
-
 def _origin_of_cell_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> NDArray[np.float64]:
     """The corner of the lattice of cells: the plate's edge is one of its lines wherever that can be."""
     if not len(model.grid.outline):
@@ -336,15 +321,3 @@ def check_no_precrack_on_node(model: Model, cracks: NDArray[np.float64], nx: int
             raise create_unsupported_error(
                 model, f"$.notch[{number}]", "on a node", "places between nodes, as pdmesh build has them"
             )
-
-
-def adaptivity_name(model: Model) -> str:
-    """The adaptivity of a model: "split" or "collocation", or the default "hybrid"."""
-    how = model.settings.run.adapt
-    return how if how != "none" else "hybrid"
-
-
-def create_unsupported_error(model: Model, setting: str, actual: str, expected: str) -> ModelError:
-    """A ModelError that names the adaptivity and what it does not support."""
-    name = setting if setting in ("precision", "kernel") else f"{model.name}: {setting}"
-    return ModelError(unfit(name, actual, f"{expected}, as run.adapt is {adaptivity_name(model)}"))

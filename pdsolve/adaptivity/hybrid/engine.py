@@ -24,22 +24,15 @@ from pdsolve.adaptivity.hybrid.swelling import (
 from pdsolve.checkpoint_validation import entry, like, pulls_to_arrays, read_pulls
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import Drive
-from pdsolve.errors import CheckpointError, FineZoneTooLateError
+from pdsolve.errors import CheckpointError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.zone.cells import COARSE, FAR, FINE, FREE, IDLE, place_on_finer_lattice
 from pdsolve.zone.springs import double_green_strain_from_stretch
+from pdsolve.zone.summary import ZoneSummary, create_too_late_error
 
 TOGETHER = 2**14  # rows whose motion is added up together
 _stretch = getattr(stretch_from_double_green_strain, "py_func", stretch_from_double_green_strain)
-
-
-class ZoneSummary(NamedTuple):
-    """Summary of the fine zone for a run's report."""
-
-    refinement: float  # J/m: energy that refining has made so far
-    fine_share: float  # of the plate
-    clipped_stretch: float  # the largest of clipped bonds so far, over that which softens or breaks one
 
 
 class NegativeHalfSwelling(NamedTuple):
@@ -144,11 +137,7 @@ class HybridEngine:
             if how == DONE:
                 return
             if how == CLIP:
-                raise FineZoneTooLateError(
-                    f"step {step}: the fine zone was refined too late (stretch at its border:"
-                    f" {self.zone_summary().clipped_stretch:.2f} of critical)",
-                    step,
-                )
+                raise create_too_late_error(step, self.zone_summary())
             self.zone = arrays.double_array_lengths(self.zone)
             if first_step < end_step:
                 first_step, drifted = step, True

@@ -6,15 +6,12 @@ rectangle that lie in the same way to all edges and pre-cracks that are near sha
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model import node_arrays
 from pdmesh.model.neighbours import ROWS
 from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, split_rows_into_ranges
 from pdsolve.bonds.assembly import Paired, Part, stiffness_bound
@@ -22,6 +19,7 @@ from pdsolve.model import Model
 from pdsolve.numerics.dilation import in_square
 from pdsolve.schemes.average_horizon import Rule
 from pdsolve.zone.cells import BELOW, LEFT
+from pdsolve.zone.node_models import model_of_rows
 from pdsolve.zone.springs import Springs, double_green_strain_from_stretch
 from pdsolve.zone.start_cells import count_full_cubes_around_nodes
 
@@ -112,26 +110,6 @@ def _mask_places_with_irregular_families(
     if near.any():
         odd |= in_square(near, around)[around:-around]
     return odd
-
-
-def model_of_rows(model: Model, rows: NDArray[np.int64]) -> Model:
-    """The model of the nodes in `rows`, without conditions."""
-    part = model.grid.part(rows)
-    regions = []
-    for region in model.settings.regions:
-        region_ids = part.ids[node_arrays.selected(part, region.nodes, region.box)]
-        if len(region_ids):
-            regions.append(msgspec.structs.replace(region, nodes=tuple(region_ids.tolist()), box=None))
-    settings = msgspec.structs.replace(model.settings, conditions=(), regions=tuple(regions))
-    return Model(part, settings, model.name)
-
-
-def model_of_rows_with_spacing_and_areas(
-    model: Model, rows: NDArray[np.int64], widths: NDArray[np.float64], areas: NDArray[np.float64]
-) -> Model:
-    """The model of the nodes in `rows`, without conditions: `widths` (n,) times as far apart, with `areas` (n,)."""
-    part = model_of_rows(model, rows)
-    return dataclasses.replace(part, grid=dataclasses.replace(part.grid, delta=widths * part.grid.delta, areas=areas))
 
 
 def _create_representative_bonds_in_chunks(

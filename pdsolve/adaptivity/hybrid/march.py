@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from numba import njit
 
-from pdsolve.adaptivity.hybrid.arrays import AHEAD, EVERY
 from pdsolve.adaptivity.hybrid.energy import (
     bond_piece_double_green_strain,
     bond_piece_elongation,
@@ -34,6 +33,8 @@ from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.numerics.thread_team import meet
 from pdsolve.zone.cells import (
+    AHEAD,
+    EVERY,
     FINE,
     IDLE,
     lattice_coordinates,

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.arrays import LatticeNodes
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
-from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_rows_with_spacing_and_areas
 from pdsolve.adaptivity.hybrid.node_constants import are_bonds_intact, node_constants_at_places
 from pdsolve.adaptivity.hybrid.node_lists import (
     NodeLists,
@@ -32,6 +31,7 @@ from pdsolve.model import Model
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State
 from pdsolve.zone.cells import COARSE, FAR, IDLE, lattice_coordinates, place_number_at, place_on_finer_lattice
+from pdsolve.zone.node_models import model_of_rows_with_spacing_and_areas
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

@@ -8,8 +8,6 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.coarse_cells import create_unsupported_error
-from pdsolve.adaptivity.hybrid.engine import ZoneSummary
 from pdsolve.adaptivity.quadtree.incremental_bonds import LeafBonds
 from pdsolve.adaptivity.quadtree.tree import Quadtree, QuadtreeCells
 from pdsolve.checkpoint_validation import entry
@@ -18,6 +16,8 @@ from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.schemes.scheme import Scheme
+from pdsolve.zone.refusals import create_unsupported_error
+from pdsolve.zone.summary import ZoneSummary
 
 ON = 1e-6  # of a spacing: a pre-crack this near to a node passes through it
 # Of the sure step of the grid that is there, over the times its cells are halved: what is left at borders between

@@ -14,9 +14,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.arrays import AHEAD
-from pdsolve.adaptivity.hybrid.engine import ZoneSummary
-from pdsolve.adaptivity.hybrid.irregular_bonds import model_of_rows_with_spacing_and_areas
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
 from pdsolve.adaptivity.hybrid.space.clipped_pieces import TOGETHER
 from pdsolve.adaptivity.hybrid.space.layout import (
@@ -33,7 +30,7 @@ from pdsolve.adaptivity.hybrid.space.zone import refine_cells_within_radius
 from pdsolve.bonds.assembly import Counted
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.errors import CheckpointError, FineZoneTooLateError
+from pdsolve.errors import CheckpointError
 from pdsolve.lattice import tile_bonds
 from pdsolve.lattice.energies import sum_energies
 from pdsolve.lattice.operator import TileLattice
@@ -44,8 +41,20 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, Unknown
-from pdsolve.zone.cells import BORDER, COARSE, FINE, FREE, ZoneNumbering, cell_at, lattice_coordinates, place_number_at
+from pdsolve.zone.cells import (
+    AHEAD,
+    BORDER,
+    COARSE,
+    FINE,
+    FREE,
+    ZoneNumbering,
+    cell_at,
+    lattice_coordinates,
+    place_number_at,
+)
+from pdsolve.zone.node_models import model_of_rows_with_spacing_and_areas
 from pdsolve.zone.springs import double_green_strain_from_stretch
+from pdsolve.zone.summary import ZoneSummary, create_too_late_error
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -187,11 +196,7 @@ class HybridBodyOperator:
         out += density[:nodes] + force / self.volume[:, None]
         self.history = self.history._replace(largest_clipped_strain=max(self.history.largest_clipped_strain, largest))
         if step > 0 and largest > self._least_peak_strain:
-            raise FineZoneTooLateError(
-                f"step {step}: the fine zone was refined too late (stretch at its border:"
-                f" {self.zone_summary().clipped_stretch:.2f} of critical)",
-                step,
-            )
+            raise create_too_late_error(step, self.zone_summary())
 
     @property
     def _least_peak_strain(self) -> float:

@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Hybrid
-from pdsolve.adaptivity.hybrid.coarse_cells import create_unsupported_error
 from pdsolve.adaptivity.hybrid.space import coarse_springs
 from pdsolve.adaptivity.hybrid.space.arrangement import (
     BLOCK,
@@ -37,6 +36,7 @@ from pdsolve.schemes.cubic_lattice_bonds import tiled
 from pdsolve.zone.bond_parts import divide_bonds_at_cell_borders
 from pdsolve.zone.cells import FINE, VOID, create_body_numbering
 from pdsolve.zone.prescribed_motion import nodes_kept_fine_by_prescribed_motion
+from pdsolve.zone.refusals import create_unsupported_error
 
 SEAM = 0.9  # of the squared sure step of the fine lattice: what short, stiff pieces leave
 SHEAR = 1e-6  # of the block in which tau is found

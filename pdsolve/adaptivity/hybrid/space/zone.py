@@ -6,9 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.triangulated_surface import distances
-from pdsolve.adaptivity.hybrid.arrays import RING, TIPS
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.zone.cells import COARSE, FINE, VOID, ZoneNumbering, lattice_coordinates, mark_and_list_new_fine_cells_near
+from pdsolve.zone.cells import (
+    COARSE,
+    FINE,
+    RING,
+    TIPS,
+    VOID,
+    ZoneNumbering,
+    lattice_coordinates,
+    mark_and_list_new_fine_cells_near,
+)
 from pdsolve.zone.start_cells import mask_cells_around_nodes, mask_occupied_and_uncut_cells
 
 FLANKS = 8  # h: cells this near to the faces of a pre-crack are fine: none of their springs is cut
