@@ -18,6 +18,8 @@
 
 The body is the union of all zones; Contact/ is as in the plane. All other parameters are those of a plate
 (`pdmesh.drawing.plate_of_groups`), except those that only plates have.
+
+Triangles of Gmsh as shells and sheets, and whether they are the surfaces of its volumes.
 """
 
 from __future__ import annotations
@@ -26,41 +28,79 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import shapely
 
-from pdmesh.drawing import diffusion_conditions, mechanical_conditions
+from pdmesh.drawing import conditions, plate_of_groups
 from pdmesh.drawing import parameters as named
-from pdmesh.drawing.bodies_beside import with_bodies, with_regions
-from pdmesh.drawing.group_names import Physical, meaning, picked
+from pdmesh.drawing.conditions import single_point
+from pdmesh.drawing.group_names import Physical, meaning
 from pdmesh.drawing.parameters import PREFIX, Parameters
-from pdmesh.drawing.shells import sheet_of, shell_of
+from pdmesh.model.triangulated_surface import gap, orientation, volume
+from pdmesh.quantities import Unit
 from pdmesh.scene.body import Body, SolidZone, Where
-from pdmesh.scene.edges import point_in
 from pdmesh.scene.faces import face
 from pdmesh.scene.shapes import SceneError, checked_spacing
-from pdmesh.scene.solids import NodeSet, Sheet, Shell, brick
+from pdmesh.scene.solids import NodeSet, Sheet, Shell
 
-KINDS = {  # kind: dimensions, folder of its parameters
-    "zone": ((3,), "Zones"),
-    "crack": ((2,), None),
-    "load": ((2, 3, 0), "Loads"),
-    "fix": ((2, 3, 0), "Fixes"),
-    "gap": ((0,), None),
-    "move": ((2, 3), "Moves"),
-    "spring": ((2, 3), "Springs"),
-    "material": ((3,), "Materials"),
-    "hold": ((2, 3), "Holds"),
-    "supply": ((2, 3), "Supplies"),
-    "exchange": ((2,), "Exchanges"),
-    "begin": ((3,), "Begins"),
-    "solid": ((3,), None),
-    "medium": ((3,), "Media"),
-    "body": ((3,), "Bodies"),
-}
+EXACT = 1e-3  # relative: a volume of Gmsh this near to that of curved triangles is right
+ROUND_OFF = 1e-9  # relative, of volumes
 KINDS_OF_PLATES = ("absorb", "pin")
+KINDS = {  # as in a plate, of shapes with a dimension more; points stay points
+    kind: (tuple(sorted((number and number + 1 for number in dimensions), key=bool, reverse=True)), folder)
+    for kind, (dimensions, folder) in plate_of_groups.KINDS.items()
+    if kind not in KINDS_OF_PLATES
+}
 ON_PLATES = ("/Edge",)
 OF_PLATES = ("Refine/", "Absorbs/", "Pins/", "Area rule", "Run/Adapt")
-Placed = list[tuple[str, Where, str]]  # name, where, and the folder of its parameters
+
+
+def shell_of(geometry: Mapping[str, Any], group: Mapping[str, Any]) -> Shell:
+    """The shell of a group of volumes.
+
+    Its volume is that of Gmsh. Where Gmsh has none, or another than its own curved triangles, it is theirs.
+    """
+    triangles, volume_of_gmsh = sheet_of(geometry, group).triangles, float(group["volume"])
+    if group.get("cones"):
+        curved = float(orientation(triangles) @ np.array(group["cones"]))
+        return Shell(triangles, volume_of_gmsh if abs(volume_of_gmsh - curved) <= EXACT * abs(curved) else curved)
+    return Shell(triangles, volume_of_gmsh or volume(triangles))
+
+
+def sheet_of(geometry: Mapping[str, Any], group: Mapping[str, Any]) -> Sheet:
+    """The triangles of a group of surfaces or volumes."""
+    points = np.array(geometry["points"], dtype=float).reshape(-1, 3)
+    return Sheet(points[np.array(group["triangles"], dtype=np.int64).reshape(-1, 3)])
+
+
+def closes(geometry: Mapping[str, Any]) -> bool:
+    """Whether triangles close around all volumes."""
+    return all(gap(sheet_of(geometry, group).triangles) is None for group in _volumes(geometry))
+
+
+def fits(geometry: Mapping[str, Any]) -> bool:
+    """Whether triangles close around all volumes, and enclose what Gmsh says that they do."""
+    return closes(geometry) and all(_agrees(geometry, group) for group in _volumes(geometry))
+
+
+def with_own_volumes(geometry: Mapping[str, Any]) -> dict[str, Any]:
+    """Triangles whose groups have no volume of Gmsh where the triangles enclose a different one."""
+    *groups, zone_union = (
+        group | ({} if group["dimension"] != 3 or _agrees(geometry, group) else {"volume": 0.0})
+        for group in [*geometry["groups"], geometry["whole"]]
+    )
+    return {**geometry, "groups": groups, "whole": zone_union}
+
+
+def _volumes(geometry: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    return [group for group in [*geometry["groups"], geometry["whole"]] if group["dimension"] == 3]
+
+
+def _agrees(geometry: Mapping[str, Any], group: Mapping[str, Any]) -> bool:
+    sheet, group_volume = sheet_of(geometry, group), float(group["volume"])
+    if group["cones"] or not group_volume:
+        return True
+    return bool(
+        abs(group_volume - volume(sheet.triangles)) <= geometry["tolerance"] * sheet.area + ROUND_OFF * group_volume
+    )
 
 
 def body_of(gmsh_output: Mapping[str, Any], values: Mapping[str, float | str], source: str, text: str = "") -> Body:
@@ -81,106 +121,65 @@ def body_of(gmsh_output: Mapping[str, Any], values: Mapping[str, float | str], s
     if not spacings:
         raise SceneError("zones: there is none, and no volume in the drawing; add one, such as 'zone:NAME'")
     coarsest = max(spacings.values())
+    shapes = BodyShapes(gmsh_output, parameters.unit)
     body = Body(
-        _shell(gmsh_output, gmsh_output["whole"], parameters),
+        shapes.shell(gmsh_output["whole"]),
         coarsest,
         notes=meant.notes,
-        material=named.material(parameters, "Material", None),
-        medium=named.medium(parameters),
-        horizon=parameters.number("Horizon ratio", 3.0),
-        run=named.run(parameters),
-        touching=named.contact(parameters),
-        source=source,
-        drawing=text,
-        parameters=tuple(values.items()),
         zones=tuple(
             SolidZone(
                 name,
-                _shell(gmsh_output, groups["zone"][name], parameters),
+                shapes.shell(groups["zone"][name]),
                 spacing,
                 parameters.flag(f"Zones/{name}/Grown", True),
             )
             for name, spacing in spacings.items()
             if spacing < coarsest
         ),
+        **named.of_scene(parameters, source, text, values),
     )
     for name, group in groups["crack"].items():
-        body = body.crack(_sheet(gmsh_output, group, parameters), name)
-    kinds = (*mechanical_conditions.KINDS, *diffusion_conditions.KINDS)
-    places = {kind: _places(gmsh_output, groups[kind], parameters, kind) for kind in kinds}
-    body = mechanical_conditions.acted_on(body, places, parameters)
-    gaps = {name: _points(group, parameters) for name, group in groups["gap"].items()}
-    body = mechanical_conditions.monitored(body, gaps, parameters)
-    shells = {
-        kind: {name: _shell(gmsh_output, group, parameters) for name, group in groups[kind].items()}
-        for kind in ("material", "medium", "solid", "body")
-    }
-    body = with_regions(body, shells["material"], shells["medium"], parameters)
-    for name, shell in shells["solid"].items():
-        body = body.dissolve(shell, name)
-    body = with_bodies(body, shells["body"], parameters)
-    return diffusion_conditions.diffusing(body, places, parameters)
+        body = body.crack(shapes.sheet(group), name)
+    body = conditions.with_bodies(body, groups, shapes, parameters)
+    places = conditions.places_of(groups, shapes, parameters, 3)
+    body = conditions.acted_on(body, places, parameters)
+    for name, group in groups["solid"].items():
+        body = body.dissolve(shapes.shell(group), name)
+    body = conditions.with_monitors_and_regions(body, groups, shapes, parameters)
+    return conditions.diffusing(body, places, parameters)
 
 
-def _shell(gmsh_output: Mapping[str, Any], group: Mapping[str, Any], parameters: Parameters) -> Shell:
-    """Surface of a group, m, with its volume, m^3; or the nodes of one."""
-    if "rows" in group:
-        return NodeSet.of(parameters.unit.metres(gmsh_output["points"][group["rows"]]), group["rows"])
-    shell, unit = shell_of(gmsh_output, group), parameters.unit
-    return Shell(unit.metres(shell.triangles), shell.volume * float(unit.metres(1.0)) ** 3)
+class BodyShapes:
+    """Shapes of a body's groups, m."""
 
+    def __init__(self, gmsh_output: Mapping[str, Any], unit: Unit) -> None:
+        self._gmsh_output, self._unit = gmsh_output, unit
 
-def _sheet(gmsh_output: Mapping[str, Any], group: Mapping[str, Any], parameters: Parameters) -> Sheet:
-    return Sheet(parameters.unit.metres(sheet_of(gmsh_output, group).triangles))
+    def shell(self, group: Mapping[str, Any]) -> Shell:
+        """Surface of a group with its volume, m^3; or the nodes of one."""
+        if "rows" in group:
+            return NodeSet.of(self._unit.metres(self._gmsh_output["points"][group["rows"]]), group["rows"])
+        shell = shell_of(self._gmsh_output, group)
+        return Shell(self._unit.metres(shell.triangles), shell.volume * float(self._unit.metres(1.0)) ** 3)
 
+    def sheet(self, group: Mapping[str, Any]) -> Sheet:
+        """The triangles of a group."""
+        return Sheet(self._unit.metres(sheet_of(self._gmsh_output, group).triangles))
 
-def _points(group: Mapping[str, Any], parameters: Parameters) -> list[tuple[float, ...]]:
-    """The points of a group, m."""
-    return [tuple(parameters.unit.metres(np.array(curve[0], dtype=float)).tolist()) for curve in group["curves"]]
+    def area(self, group: Mapping[str, Any], place: str) -> Shell:
+        """The shell of a group."""
+        return self.shell(group)
 
+    def where(self, group: Mapping[str, Any], place: str) -> Where:
+        """The shell, the sheet or the point of a group. Raises SceneError."""
+        if group["dimension"] == 0:
+            return single_point(self.points(group), place)
+        return self.shell(group) if group["dimension"] == 3 else self.sheet(group)
 
-def _places(gmsh_output: Mapping[str, Any], groups: Mapping[str, Any], parameters: Parameters, kind: str) -> Placed:
-    """Names, places and parameter folders of the conditions of a kind."""
-    top = KINDS[kind][1]
-    places: Placed = []
-    for name, group in groups.items():
-        if group["dimension"]:
-            shape = _shell if group["dimension"] == 3 else _sheet
-            where: Where = shape(gmsh_output, group, parameters)
-        else:
-            points = _points(group, parameters)
-            if len(points) != 1:
-                raise SceneError(
-                    f'group "{group["name"]}" has {len(points)} points; use one, as it is a support at one node'
-                )
-            where = shapely.Point(points[0])
-        places.append((name, where, f"{top}/{name}"))
-    for name in sorted(parameters.below(str(top)) - set(groups)):
-        word, *others = picked(parameters, f"{top}/{name}")
-        if others:
-            raise SceneError(
-                f"parameter '{PREFIX}{top}/{name}/{others[0]}' cannot be combined with a {word}; use one of them"
-            )
-        places.append((name, _placed(gmsh_output, parameters, f"{top}/{name}/{word}"), f"{top}/{name}"))
-    return places
+    def points(self, group: Mapping[str, Any]) -> list[tuple[float, ...]]:
+        """The points of a group."""
+        return [tuple(self._unit.metres(np.array(curve[0], dtype=float)).tolist()) for curve in group["curves"]]
 
-
-def _placed(gmsh_output: Mapping[str, Any], parameters: Parameters, name: str) -> Where:
-    if name.endswith("/Box"):
-        text, place = parameters.text(name), PREFIX + name
-        try:
-            x0, y0, z0, x1, y1, z1 = (parameters.unit.metres(float(word)) for word in text.split())
-        except ValueError:
-            wanted = "use six numbers 'x0 y0 z0 x1 y1 z1' in a body"
-            raise SceneError(f"parameter '{place}' is '{text}'; {wanted}") from None
-        if not (x0 < x1 and y0 < y1 and z0 < z1):
-            raise SceneError(f"parameter '{place}' is '{text}'; use x0 < x1, y0 < y1 and z0 < z1")
-        return brick((x0, y0, z0), (x1, y1, z1))
-    if name.endswith("/Node"):
-        return shapely.Point(point_in(parameters.text(name), 3, f"parameter '{PREFIX}{name}'", parameters.unit))
-    return face(
-        _shell(gmsh_output, gmsh_output["whole"], parameters),
-        parameters.text(name),
-        f"parameter '{PREFIX}{name}'",
-        parameters.unit,
-    )
+    def part_of_boundary(self, words: str, place: str) -> Where:
+        """The face that words pick. Raises SceneError."""
+        return face(self.shell(self._gmsh_output["whole"]), words, place, self._unit)

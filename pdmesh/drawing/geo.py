@@ -25,8 +25,7 @@ from pdmesh.drawing.parameters import (
     unit_of_parameter,
     unknown,
 )
-from pdmesh.drawing.plate_of_groups import scene_of
-from pdmesh.drawing.plate_places import Group, face, in_metres
+from pdmesh.drawing.plate_of_groups import Group, face, in_metres, scene_of
 from pdmesh.drawing.sandbox.child import read_copies, read_trusted
 from pdmesh.drawing.sandbox.copies import Copy, cad_copy, drawing_bytes, drawing_copies
 from pdmesh.drawing.sandbox.tokens import decoded

@@ -23,8 +23,7 @@ from pdmesh.drawing.mesh_arrays import Mesh, Rows
 from pdmesh.drawing.mesh_edges import along, doubled, ends_of, joined, slit_remark, slits
 from pdmesh.drawing.mesh_groups import group_names, unused, with_plane
 from pdmesh.drawing.parameters import PREFIX, given, unit_of
-from pdmesh.drawing.plate_of_groups import GROUPS, scene_of
-from pdmesh.drawing.plate_places import Group
+from pdmesh.drawing.plate_of_groups import KINDS, Group, scene_of
 from pdmesh.drawing.point_cells import with_cells
 from pdmesh.drawing.point_cloud import body_of_points
 from pdmesh.drawing.solid_meshes import body_of_mesh
@@ -141,17 +140,17 @@ def _groups(
     """The groups that are used, and remarks about the others."""
     groups, bare, loose = [], [], []
     for name in faces.sets:
-        names = group_names(name, 2, GROUPS, values)
+        names = group_names(name, 2, KINDS, values)
         groups += [Group(full, 2, surfaces=_outlines(_union(faces.named(name)))) for full in names]
         bare += [name] * (not names)
     for name in lines.sets:
-        names = group_names(name, 1, GROUPS, values)
+        names = group_names(name, 1, KINDS, values)
         groups += [Group(full, 1, curves=tuple(map(_points, lines.named(name)))) for full in names]
         loose += [name] * (not names)
     groups += [
         Group(full, 0, curves=tuple(map(_points, points.named(name))))
         for name in points.sets
-        for full in group_names(name, 0, GROUPS, values)
+        for full in group_names(name, 0, KINDS, values)
     ]
     notes = unused("group", bare, "no material of its own (--set Materials/NAME/E=... gives one)")
     return groups, notes + unused("curve", loose, "not used (crack:, load:, fix: or move:NAME would be)")
@@ -168,7 +167,7 @@ def _groups_of_points(mesh: Mesh, ends: Rows, places: NDArray[np.float64], value
         if dimension == 0:
             curves = [np.pad(places[rows], ((0, 0), (0, 1)))]
         if curves:
-            groups += [Group(full, dimension, tuple(curves)) for full in group_names(name, dimension, GROUPS, values)]
+            groups += [Group(full, dimension, tuple(curves)) for full in group_names(name, dimension, KINDS, values)]
     return groups
 
 

@@ -11,7 +11,7 @@ import msgspec
 import msgspec.inspect as inspection
 import numpy as np
 
-from pdmesh.model.document import ADAPTS, Contact, Run, Settings
+from pdmesh.model.document import ADAPTS, Contact, Run, Settings, Static
 from pdmesh.model.material import DECLARED, Material
 from pdmesh.model.medium import Medium
 from pdmesh.model.suggestions import dotted_names
@@ -39,6 +39,26 @@ MATERIAL = {  # parameters of a material: in the model, and in drawings
     name: declared.drawing_name or name[0].upper() + name[1:].replace("_", " ") for name, declared in DECLARED.items()
 }
 CONTACT = {name: name.title() for name in ("friction", "stiffness", "distance", "restitution")}  # here, and in drawings
+MEDIUM = {  # but those of heat
+    "D": "D",
+    "broken": "Broken",
+    "power": "Power",
+    "C_solid": "C solid",
+    "C_sat": "C sat",
+    "dissolution": "Dissolution",
+    "k_diss": "k diss",
+    "capped": "Capped",
+    "surface_correction": "Surface correction",
+}
+RUN = {
+    "time_step": "Time step",
+    "every": "Frame every",
+    "solver": "Solver",
+    "start": "Start",
+    "damping": "Damping",
+    "theta": "Theta",
+}
+STATIC = {"load_steps": "Load steps", "control": "Control"}
 RIGID = ("Rigid", "Mass", "Spin", "Held", "Profile", "Radius")
 FOLDERS = {
     f"Zones/{ANY}": ZONE,
@@ -59,35 +79,8 @@ FOLDERS = {
     f"Exchanges/{ANY}": ("Coefficient", "h", "Outside", *SHARED[:2], "Edge", "Face"),
     f"Begins/{ANY}": ("Concentration", "Temperature", "Box"),
     f"Media/{ANY}": ("D",),
-    "Medium": (
-        "D",
-        "k",
-        "c",
-        "Power",
-        "C solid",
-        "C sat",
-        "Dissolution",
-        "k diss",
-        "Capped",
-        "Broken",
-        "Deformation",
-        "Surface correction",
-    ),
-    "Run": (
-        "Theta",
-        "Time step",
-        "Duration",
-        "Frame every",
-        "Solver",
-        "Start",
-        "Load steps",
-        "Control",
-        "Opening",
-        "Damping",
-        "Adapt",
-        "Collocation damped",
-        "Cracks",
-    ),
+    "Medium": (*MEDIUM.values(), "k", "c", "Deformation"),
+    "Run": (*RUN.values(), *STATIC.values(), "Duration", "Opening", "Adapt", "Collocation damped", "Cracks"),
 }
 NAMES = (
     *(f"{folder}/{name}" for folder, names in FOLDERS.items() for name in names),
@@ -290,13 +283,23 @@ def unknown(
     return f"parameter '{prefix}{name}' {problem}; {use}{also}"
 
 
+def given_fields(
+    parameters: Parameters, folder: str, kind: type[msgspec.Struct], names: Mapping[str, str]
+) -> dict[str, Any]:
+    """The fields of a struct that parameters of a folder give; `names` has the parameter of each field."""
+    about = inspection.type_info(kind)
+    assert isinstance(about, inspection.StructType)
+    values = {
+        field.name: parameters.of_type(f"{folder}/{names[field.name]}", field.type)
+        for field in about.fields
+        if field.name in names
+    }
+    return {name: value for name, value in values.items() if value is not None}
+
+
 def material(parameters: Parameters, folder: str, base: Material | None) -> Material | None:
     """The material below a folder, completed from `base`; None if no parameter is given."""
-    about = inspection.type_info(Material)
-    assert isinstance(about, inspection.StructType)
-    every = ((field.name, f"{folder}/{MATERIAL[field.name]}", field.type) for field in about.fields)
-    values = {name: parameters.of_type(parameter_name, kind) for name, parameter_name, kind in every}
-    settings = {name: value for name, value in values.items() if value is not None}
+    settings = given_fields(parameters, folder, Material, MATERIAL)
     if base is not None:
         either = {"G0", "critical_stretch"}
         base_values = msgspec.to_builtins(base)
@@ -336,41 +339,27 @@ def medium(parameters: Parameters) -> Medium | Heat | None:
             raise SceneError(f"parameter '{PREFIX}Medium/{others[0]}' cannot be combined with k and c; leave it out")
         k, c = (parameters.number(f"Medium/{name}") for name in "kc")
         return Heat(k, c, parameters.number("Medium/Broken", 1.0), parameters.flag("Medium/Deformation", False))
-    settings: dict[str, Any] = {"D": parameters.maybe("Medium/D"), "k_diss": parameters.maybe("Medium/k diss")}
-    settings["broken"] = parameters.maybe("Medium/Broken")
-    settings |= {f"C_{end}": parameters.maybe(f"Medium/C {end}") for end in ("solid", "sat")}
-    settings["dissolution"] = parameters.text("Medium/Dissolution") or None
-    settings = {name: value for name, value in settings.items() if value is not None}
+    settings = given_fields(parameters, "Medium", Medium, MEDIUM)
     if not settings and not parameters.below("Medium"):
         return None
     if "D" not in settings:
         raise SceneError(f"parameter '{PREFIX}Medium/D' is missing; give a number")
-    if parameters.maybe("Medium/Power") is not None:
-        settings["power"] = parameters.whole("Medium/Power", 1)
-    if parameters.maybe("Medium/Capped") is not None:
-        settings["capped"] = parameters.flag("Medium/Capped", True)
-    if parameters.maybe("Medium/Surface correction") is not None:
-        settings["surface_correction"] = parameters.flag("Medium/Surface correction", True)
     return converted(settings, Medium, f"{PREFIX}Medium")
 
 
 def run(parameters: Parameters) -> Run:
     """Solver settings, with the number of steps from the duration and the time step."""
     step, duration = parameters.maybe("Run/Time step"), parameters.maybe("Run/Duration")
-    settings: dict[str, Any] = {"every": parameters.whole("Run/Frame every", 50)}
-    settings |= {"solver": parameters.text("Run/Solver") or None, "start": parameters.text("Run/Start") or None}
-    adapt = parameters.text("Run/Adapt", "none", ADAPTS)
-    settings |= {"cracks": parameters.text("Run/Cracks", of=("", "bonds", "particles")) or None}
-    settings |= {"adapt": None if adapt == "none" else adapt}
-    settings |= {"damping": parameters.maybe("Run/Damping"), "time_step": step, "theta": parameters.maybe("Run/Theta")}
-    settings = {name: value for name, value in settings.items() if value is not None}
+    settings = {"every": 50, **given_fields(parameters, "Run", Run, RUN)}
+    settings["adapt"] = parameters.text("Run/Adapt", "none", ADAPTS)
+    if cracks := parameters.text("Run/Cracks", of=("", "bonds", "particles")):
+        settings["cracks"] = cracks
     if parameters.maybe("Run/Collocation damped") is not None:
         settings["collocation"] = {"damped": parameters.flag("Run/Collocation damped", False)}
-    rest = {"control": parameters.text("Run/Control") or None, "opening": parameters.maybe_length("Run/Opening")}
-    if parameters.maybe("Run/Load steps") is not None:
-        rest["load_steps"] = parameters.whole("Run/Load steps", 1)
-    if any(value is not None for value in rest.values()):
-        settings["static"] = {name: value for name, value in rest.items() if value is not None}
+    static = given_fields(parameters, "Run", Static, STATIC)
+    opening = parameters.maybe_length("Run/Opening")
+    if static or opening is not None:
+        settings["static"] = static if opening is None else static | {"opening": opening}
     if step is not None:
         if duration is None or not step > 0 or not duration >= 0:
             text = "none" if duration is None else f"{duration:g} s"
@@ -387,6 +376,19 @@ def run(parameters: Parameters) -> Run:
 
 def contact(parameters: Parameters) -> Contact | None:
     """How bodies touch; None if no parameter is given."""
-    settings = {name: parameters.maybe(f"Contact/{parameter_name}") for name, parameter_name in CONTACT.items()}
-    settings = {name: value for name, value in settings.items() if value is not None}
+    settings = given_fields(parameters, "Contact", Contact, CONTACT)
     return converted(settings, Contact, f"{PREFIX}Contact") if settings else None
+
+
+def of_scene(parameters: Parameters, source: str, text: str, values: Mapping[str, float | str]) -> dict[str, Any]:
+    """What a plate and a body have in common, as arguments of a scene."""
+    return {
+        "material": material(parameters, "Material", None),
+        "touching": contact(parameters),
+        "medium": medium(parameters),
+        "horizon": parameters.number("Horizon ratio", 3.0),
+        "run": run(parameters),
+        "source": source,
+        "drawing": text,
+        "parameters": tuple(values.items()),
+    }

@@ -17,7 +17,7 @@
                                               or, with Rigid 1, Mass, Spin, Held (of "x y spin"), Profile, Radius
     -                                         Contact/Friction, Stiffness, Distance, Restitution
     -                                         Material/E, rho, G0, Force law and so on (`parameters.MATERIAL`)
-    -                                         Medium/D, or k and c of heat (pdmesh.drawing.diffusion_conditions)
+    -                                         Medium/D, or k and c of heat (pdmesh.drawing.conditions)
     -                                         Load cells/NAME/Of "CONDITION, CONDITION", whose forces it sums
     -                                         Refine/crack, notch or hole/Distance, Spacing
     -                                         Horizon ratio, Area rule, Units, Run/Time step, Duration, Frame every
@@ -28,29 +28,33 @@ Lengths - coordinates, Spacing, Distance, Displacement, Width, Box, Opening - ar
 else in SI units. A drawing's own numbers go below Peridynamics/Plate/. A component left out is free (of a fix, those
 not in Components). ``Box``, "x0 y0 x1 y1", replaces a group. Profiles are "constant", "ramp SECONDS" or a table "TIME
 FACTOR, TIME FACTOR, ...".
+
+Where the groups and parameters of a plate's drawing place things: points, curves, surfaces, boxes and edges.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import shapely
+from shapely import LineString, MultiLineString
 
-from pdmesh.drawing import diffusion_conditions, mechanical_conditions
+from pdmesh.drawing import conditions
 from pdmesh.drawing import parameters as named
-from pdmesh.drawing.bodies_beside import with_bodies, with_regions
+from pdmesh.drawing.conditions import single_point
 from pdmesh.drawing.group_names import Physical, meaning
 from pdmesh.drawing.parameters import Parameters
-from pdmesh.drawing.plate_places import Group, in_metres, lines_of, places, point_of, surface_of
+from pdmesh.quantities import Unit
 from pdmesh.scene.plate import Refinement, Zone
 from pdmesh.scene.scene import Scene
-from pdmesh.scene.shapes import SceneError
+from pdmesh.scene.shapes import Curve, SceneError, Surface, parts
 from pdmesh.scene.slits import Crack
 
 FLAT = 1e-6  # of a drawing's size: how far it may leave its plane
-GROUPS = {  # kind: dimensions, folder of its parameters
+KINDS = {  # kind: dimensions, folder of its parameters
     "zone": ((2,), "Zones"),
     "crack": ((1,), None),
     "load": ((1, 0, 2), "Loads"),
@@ -71,6 +75,84 @@ GROUPS = {  # kind: dimensions, folder of its parameters
 }
 
 
+@dataclass(frozen=True)
+class Group:
+    """A group: curves as points (k, 3) in the drawing's unit, and surfaces as lists of such curves."""
+
+    name: str
+    dimension: int
+    curves: tuple[Any, ...] = ()
+    surfaces: tuple[tuple[Any, ...], ...] = ()
+    number: int = 0
+
+
+def in_metres(group: Group, unit: Unit) -> Group:
+    """The group with its coordinates in metres."""
+    curves, *surfaces = (
+        tuple(unit.metres(np.asarray(curve, dtype=float)) for curve in curve_list)
+        for curve_list in (group.curves, *group.surfaces)
+    )
+    return replace(group, curves=curves, surfaces=tuple(surfaces))
+
+
+class PlateShapes:
+    """Shapes of a plate's groups, m."""
+
+    def __init__(self, scene: Scene, unit: Unit) -> None:
+        self._scene, self._unit = scene, unit
+
+    def area(self, group: Group, place: str) -> Surface:
+        """The union of the faces of a group. Raises SceneError."""
+        return surface_of(place, group)
+
+    def where(self, group: Group, place: str) -> Curve | Surface | shapely.Point:
+        """The surface, the curves or the point of a group. Raises SceneError."""
+        if group.dimension == 0:
+            return single_point(self.points(group), place)
+        return surface_of(place, group) if group.dimension == 2 else MultiLineString(lines_of(place, group.curves))
+
+    def points(self, group: Group) -> list[tuple[float, ...]]:
+        """The first points of a group's curves, x and y."""
+        return [tuple(np.asarray(curve)[0, :2].tolist()) for curve in group.curves]
+
+    def part_of_boundary(self, words: str, place: str) -> Curve:
+        """The edge that words pick. Raises SceneError."""
+        return self._scene.edge(words, place, self._unit)
+
+
+def lines_of(place: str, curves: Iterable[Any]) -> list[LineString]:
+    """Curves, points (k, 3), as lines joined where they meet. Raises SceneError."""
+    lines = [LineString(np.asarray(points)[:, :2]) for points in curves]
+    lines = [line for line in lines if line.length > 0]
+    if not lines:
+        raise SceneError(f"{place} has no curve of any length; add one")
+    merged = shapely.line_merge(MultiLineString(lines))
+    return list(merged.geoms) if isinstance(merged, MultiLineString) else [merged]
+
+
+def surface_of(place: str, group: Group) -> Surface:
+    """The union of the faces of a group. Raises SceneError."""
+    return shapely.union_all([face(curves, place) for curves in group.surfaces])
+
+
+def face(curves: Iterable[Any], place: str) -> shapely.Polygon:
+    """The face bounded by curves, points (k, 2 or 3). Raises SceneError if they do not close, or cross."""
+    lines = lines_of(place, curves)
+    polygons, cuts, dangles, _ = shapely.polygonize_full(lines)
+    crossing = [line for line in lines if not line.is_simple]
+    if crossing or not MultiLineString(lines).is_simple:
+        reason = shapely.is_valid_reason(shapely.Polygon(crossing[0])) if crossing else "curves that cross"
+        raise SceneError(f"{place}: {reason}; use an outline that does not cross itself")
+    for loose in (dangles, cuts):
+        if not loose.is_empty:
+            x, y = shapely.get_coordinates(loose)[0]
+            raise SceneError(f"{place}: the outline is open at ({x:g}, {y:g}) m; use closed curves")
+    faces = parts(polygons)
+    if not faces:
+        raise SceneError(f"{place}: the outline does not close; use closed curves")
+    return max(faces, key=lambda part: float(shapely.Polygon(part.exterior).area))
+
+
 def scene_of(
     groups: Iterable[Group],
     values: Mapping[str, float | str],
@@ -87,7 +169,7 @@ def scene_of(
     parameters = Parameters(values, named.unit_of(values))
     metric_groups = [in_metres(group, parameters.unit) for group in groups]
     physical = [Physical(group.name, group.dimension, group.number) for group in metric_groups]
-    meant = meaning(physical, new_zones, GROUPS, parameters)
+    meant = meaning(physical, new_zones, KINDS, parameters)
     named_groups = {
         kind: {name: metric_groups[at] for name, at in places.items()} for kind, places in meant.groups.items()
     }
@@ -100,11 +182,6 @@ def scene_of(
         notes=(*meant.notes, *_reaching_beyond(zones)),
         spacing=max(zone.spacing for zone in zones),
         zones=zones,
-        material=named.material(parameters, "Material", None),
-        touching=named.contact(parameters),
-        medium=named.medium(parameters),
-        horizon=parameters.number("Horizon ratio", 3.0),
-        run=named.run(parameters),
         area_rule=parameters.text("Area rule", of=("", "cells", "eq19", "square")) or None,  # type: ignore[arg-type]
         units="m" if parameters.text("Units") else None,
         refinements=tuple(
@@ -120,16 +197,20 @@ def scene_of(
             for name, group in named_groups["crack"].items()
             for line in lines_of(f"crack '{name}'", group.curves)
         ),
-        source=source,
-        drawing=text,
-        parameters=tuple(values.items()),
+        **named.of_scene(parameters, source, text, values),
     )
-    scene = with_bodies(
-        scene,
-        {name: surface_of(f"body '{name}'", group) for name, group in named_groups["body"].items()},
-        parameters,
-    )
-    return _with_conditions(scene, named_groups, parameters)
+    scene = conditions.with_bodies(scene, named_groups, PlateShapes(scene, parameters.unit), parameters)
+    shapes = PlateShapes(scene, parameters.unit)
+    places = conditions.places_of(named_groups, shapes, parameters, 2)
+    scene = conditions.acted_on(scene, places, parameters)
+    for name, where, folder in places["pin"]:
+        scene = scene.pin_hole(where, name=name, **conditions.rows(parameters, folder))
+    for name, where, folder in places["absorb"]:
+        scene = scene.absorb(where, parameters.maybe_length(f"{folder}/Width"), name)
+    for name, group in named_groups["solid"].items():
+        scene = scene.solid(surface_of(f"solid '{name}'", group), name)
+    scene = conditions.with_monitors_and_regions(scene, named_groups, shapes, parameters)
+    return conditions.diffusing(scene, places, parameters)
 
 
 def _reaching_beyond(zones: Sequence[Zone]) -> tuple[str, ...]:
@@ -168,24 +249,3 @@ def _check_places(groups: dict[str, dict[str, Group]]) -> None:
             raise SceneError(
                 f"drawing: z goes from {cloud[:, 2].min():g} to {cloud[:, 2].max():g} m; draw a plane of one z"
             )
-
-
-def _with_conditions(scene: Scene, groups: dict[str, dict[str, Group]], parameters: Parameters) -> Scene:
-    """The scene with regions of other materials and media, solids, and all that acts on it."""
-    kinds = (*mechanical_conditions.KINDS, *diffusion_conditions.KINDS)
-    placed = {kind: places(scene, groups[kind], parameters, kind, str(GROUPS[kind][1])) for kind in kinds}
-    scene = mechanical_conditions.acted_on(scene, placed, parameters)
-    for name, where, folder in places(scene, groups["pin"], parameters, "pin", "Pins"):
-        scene = scene.pin_hole(where, name=name, **mechanical_conditions.rows(parameters, folder))
-    for name, where, folder in places(scene, groups["absorb"], parameters, "absorb", "Absorbs"):
-        scene = scene.absorb(where, parameters.maybe_length(f"{folder}/Width"), name)
-    gaps = {name: [point_of(curve) for curve in group.curves] for name, group in groups["gap"].items()}
-    scene = mechanical_conditions.monitored(scene, gaps, parameters)
-    surfaces = {
-        kind: {name: surface_of(f"{kind} '{name}'", group) for name, group in groups[kind].items()}
-        for kind in ("material", "medium", "solid")
-    }
-    scene = with_regions(scene, surfaces["material"], surfaces["medium"], parameters)
-    for name, surface in surfaces["solid"].items():
-        scene = scene.solid(surface, name)
-    return diffusion_conditions.diffusing(scene, placed, parameters)

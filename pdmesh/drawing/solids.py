@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from pdmesh.drawing.body_of_groups import shell_of
 from pdmesh.drawing.sandbox.child import read_trusted
 from pdmesh.drawing.scratch import scratch
-from pdmesh.drawing.shells import shell_of
 from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import Box, Cylinder, Joined, Shell, Solid, Sphere

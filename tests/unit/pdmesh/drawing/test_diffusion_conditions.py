@@ -10,8 +10,7 @@ from messages import naming
 
 from pdmesh import SceneError
 from pdmesh.drawing.file_reading import build_file
-from pdmesh.drawing.plate_of_groups import scene_of
-from pdmesh.drawing.plate_places import Group
+from pdmesh.drawing.plate_of_groups import Group, scene_of
 from pdmesh.model.document import Concentration, Displacement, Exchange, InitialConcentration, Settings, Source
 from pdmesh.model.medium import Medium
 from pdsolve import read_study

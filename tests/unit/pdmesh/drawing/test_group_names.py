@@ -20,7 +20,7 @@ SPACED = {"Zones/plate/Spacing": 1e-3}
 
 def plate(*groups: Physical, values: Mapping[str, Any] = SPACED, zones: Any = ()) -> Meaning:
     given = {PREFIX + name: value for name, value in values.items()}
-    return meaning(groups, zones, plate_of_groups.GROUPS, Parameters(given, UNITS["m"]))
+    return meaning(groups, zones, plate_of_groups.KINDS, Parameters(given, UNITS["m"]))
 
 
 @pytest.mark.parametrize(

@@ -14,8 +14,7 @@ from messages import mentions, naming
 
 from pdmesh import Scene, SceneError
 from pdmesh.drawing.parameters import NAMES
-from pdmesh.drawing.plate_of_groups import scene_of
-from pdmesh.drawing.plate_places import Group
+from pdmesh.drawing.plate_of_groups import Group, scene_of
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Displacement, InitialVelocity, Load, Velocity
 from pdmesh.scene.conditions import parse_profile

@@ -13,8 +13,7 @@ import pytest
 from messages import naming
 
 from pdmesh import Body, GridError, Heat, Material, Run, Scene, SceneError, box, build
-from pdmesh.drawing.plate_of_groups import scene_of
-from pdmesh.drawing.plate_places import Group
+from pdmesh.drawing.plate_of_groups import Group, scene_of
 from pdmesh.model.contact import Contact
 from pdmesh.model.document import InitialVelocity, Region, RigidBody, read_document
 from pdmesh.model.node_grid import grid_of
