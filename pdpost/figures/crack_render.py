@@ -21,7 +21,7 @@ from pdpost.measures.crack_faces import (
     build_crack_surface,
     find_opened_face_neighbours,
 )
-from pdpost.measures.fragments_3d import SMALLEST, fragment_number_of_nodes
+from pdpost.measures.fragments import SMALLEST, fragment_number_of_nodes
 from pdpost.reading.stored_fields import diffuses
 from pdsolve.results import Nodes, Results
 

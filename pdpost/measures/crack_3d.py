@@ -12,7 +12,7 @@ from pdmesh.model.material import Material
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.crack_faces import CrackSurface, build_crack_surface, find_opened_face_neighbours
 from pdpost.measures.crack_fronts import Polyline, estimate_front_speed_at_faces, front_lines_at, line_length
-from pdpost.measures.fragments_3d import BodyFragments, find_body_fragments
+from pdpost.measures.fragments import BodyFragments, find_body_fragments
 from pdpost.measures.waves import plate_rayleigh_speed
 from pdpost.reading.embedded_model import at_rest, read
 from pdpost.reading.frame_steps import frames, last_step

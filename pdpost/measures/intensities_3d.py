@@ -15,24 +15,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pdpost.measures.cracked_nodes import ROUND_OFF, damage_with_pre_cracks_at
-from pdpost.measures.front_places import (
+from pdpost.measures.crack_fronts import (
     CrackPointsAndFronts,
+    FrontObstacles,
     FrontPoints,
     crack_points_and_fronts_at,
     sample_front_points,
 )
-from pdpost.measures.front_surroundings import FrontObstacles
+from pdpost.measures.cracked_nodes import ROUND_OFF
 from pdpost.measures.strain import elastic_constants_of_nodes, families_without_broken_bonds, stress_work_if_yielded
-from pdpost.measures.stress_intensities import CRUMB, FractureGridFileKeys
+from pdpost.measures.stress_intensities import FractureGridFileKeys, gradient_and_motion, three_radii, value_and_band
 from pdpost.measures.tip_surroundings import UndisturbedRoom
-from pdpost.reading.embedded_model import at_rest, read
+from pdpost.reading.embedded_model import read
 from pdpost.reading.stored_fields import vector
-from pdsolve.fracture.domain_integrals import SampledMotion
 from pdsolve.fracture.fields import Elastic
 from pdsolve.fracture.front_integrals import FrontFieldSamples, FrontParameters, Tube, front_integrals
-from pdsolve.fracture.gradients import PAIRS, gradients_of, green, hooke
-from pdsolve.results import Results, ResultsError
+from pdsolve.fracture.gradients import PAIRS, green, hooke
+from pdsolve.results import Families, Results, ResultsError
 
 LEAST, MOST = 2.0, 3.5  # horizons of room that are needed, and that are used
 HALF = 1.5  # horizons of a tube to both sides of its point
@@ -164,12 +163,7 @@ def _choose_tubes(room: UndisturbedRoom, horizon: float, tube_radii: tuple[float
     if tube_radii is not None:
         if room.radius < tube_radii[1] * (1 - ROUND_OFF):
             return []
-        quarter = (tube_radii[1] - tube_radii[0]) / 4
-        return [
-            Tube(tube_radii[0], tube_radii[1] - quarter, half),
-            Tube(*tube_radii, half),
-            Tube(tube_radii[0] + quarter, tube_radii[1], half),
-        ]
+        return [Tube(*radii, half) for radii in three_radii(*tube_radii)]
     if room.radius < LEAST * horizon * (1 - ROUND_OFF):
         return []
     return [Tube(inner * horizon, outer * room.radius, half) for inner, outer in TUBES]
@@ -200,21 +194,13 @@ def _sample_fields_of_nodes(results: Results, step: int, rows: NDArray[np.int64]
     count = np.diff(families.start)[rows]
     start = np.concatenate([[0], np.cumsum(count)])
     neighbour = families.neighbour[np.arange(start[-1]) + np.repeat(families.start[rows] - start[:-1], count)]
-    displacements = vector(results, "displacement", step)
-    gradient = gradients_of(nodes.position, nodes.area, displacements, start, neighbour, rows)
-    gradient[damage_with_pre_cracks_at(results, step)[rows] > CRUMB] = np.nan
+    gradient, motion = gradient_and_motion(results, step, Families(start, neighbour), rows)
     strain = green(gradient)
     if "sxx" in results.stored(step):
         stress = vector(results, "stress", step)[rows]
     else:
         every = elastic_constants_of_nodes(results, step)
         stress = hooke(strain, every._replace(E=every.E[rows], nu=every.nu[rows]))
-    motion = None
-    if not at_rest(results):
-        velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))
-        density = read(results, FractureGridFileKeys).material.rho
-        rates = gradients_of(nodes.position, nodes.area, velocity, start, neighbour, rows)
-        motion = SampledMotion(density, velocity[rows], acceleration[rows], rates)
     work = stress_work_if_yielded(results, step)
     parts = (
         _symmetric_tensors_of_six_components(strain),
@@ -244,18 +230,12 @@ def _collect_intensities(
     has_yielded: bool,
 ) -> FrontIntensities:
     """The values of a front; of a body that has yielded, J alone has a meaning."""
-    columns = {quantity: np.full((3, len(tube_integrals)), np.nan) for quantity in NAMES}
+    value, low, high = value_and_band(NAMES, tube_integrals, [has_yielded] * len(tube_integrals))
     of_K = np.full(len(tube_integrals), np.nan)
     for at, (tubes, solid) in enumerate(zip(tube_integrals, solids, strict=True)):
-        if not tubes:
-            continue
-        for quantity in NAMES[:1] if has_yielded else NAMES:
-            tube_values = [float(getattr(tube, quantity)) for tube in tubes]
-            columns[quantity][:, at] = tube_values[1], min(tube_values), max(tube_values)
-        if not has_yielded:
+        if tubes and not has_yielded:
             _, K1, K2, K3 = tubes[1]
             of_K[at] = (K1**2 + K2**2) / solid.effective_modulus + K3**2 / (2 * solid.shear)
-    value, low, high = ({quantity: column[row] for quantity, column in columns.items()} for row in range(3))
     frames = np.array([front_place.frame for front_place in points.front_places])
     return FrontIntensities(
         name,

@@ -33,7 +33,7 @@ from pdpost.reading.stored_fields import vector
 from pdsolve.fracture.domain_integrals import FractureParameters, Ring, Sampled, SampledMotion, integrals
 from pdsolve.fracture.fields import Elastic
 from pdsolve.fracture.gradients import gradients_of, green
-from pdsolve.results import Results, ResultsError
+from pdsolve.results import Families, Results, ResultsError
 
 BLURRED = 2.0  # horizons around a tip where displacements are not the classical ones
 LEAST = 3.5  # horizons of room
@@ -135,14 +135,52 @@ def follow_tip_intensities(
     ]
 
 
+def value_and_band(
+    names: Sequence[str], integrals_at: Sequence[Sequence[NamedTuple]], has_yielded: Sequence[bool]
+) -> list[dict[str, NDArray[np.float64]]]:
+    """Values (t,) by name of the second of three integrals, then the least and the largest of them.
+
+    Without integrals all are NaN, and all but the first name where the body has yielded.
+    """
+    columns = {name: np.full((3, len(integrals_at)), np.nan) for name in names}
+    for at, (parameters, J_alone) in enumerate(zip(integrals_at, has_yielded, strict=True)):
+        for name in (names[:1] if J_alone else names) if parameters else ():
+            values = [float(getattr(one, name)) for one in parameters]
+            columns[name][:, at] = values[1], min(values), max(values)
+    return [{name: column[row] for name, column in columns.items()} for row in range(3)]
+
+
+def three_radii(inner: float, outer: float) -> tuple[tuple[float, float], ...]:
+    """Three rings within the given one, the second of which it is."""
+    quarter = (outer - inner) / 4
+    return (inner, outer - quarter), (inner, outer), (inner + quarter, outer)
+
+
+def gradient_and_motion(
+    results: Results, step: int, families: Families, rows: NDArray[np.int64] | None = None
+) -> tuple[NDArray[np.float64], SampledMotion | None]:
+    """Displacement gradients (r, d, d) of `rows`, by default of all nodes, and how these move; None at rest.
+
+    `families` are those of the rows. Gradients at nodes that have lost most of their bonds are NaN.
+    """
+    nodes = results.nodes(step)
+    chosen = slice(None) if rows is None else rows
+    gradient = gradients_of(nodes.position, nodes.area, vector(results, "displacement", step), *families, rows)
+    gradient[damage_with_pre_cracks_at(results, step)[chosen] > CRUMB] = np.nan
+    if at_rest(results):
+        return gradient, None
+    velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))
+    rates = gradients_of(nodes.position, nodes.area, velocity, *families, rows)
+    density = read(results, FractureGridFileKeys).material.rho
+    return gradient, SampledMotion(density, velocity[chosen], acceleration[chosen], rates)
+
+
 class CachedFrameFields:
     """The fields of a frame as the integrals need them, cached for one frame."""
 
     def __init__(self, results: Results) -> None:
-        self._results, self._rest = results, at_rest(results)
-        self._step = -1
+        self._results, self._step = results, -1
         self._sampled: Sampled | None = None
-        self._model = read(results, FractureGridFileKeys)
 
     def integrate_around_tip(self, step: int, tip: TipPosition, rings: tuple[Ring, ...]) -> TipRingIntegrals:
         """Fracture parameters of a tip on rings after a step."""
@@ -157,13 +195,7 @@ class CachedFrameFields:
     def _sample_fields(self, step: int) -> Sampled:
         results, nodes = self._results, self._results.nodes(step)
         families = families_without_broken_bonds(results, results.families(step), step)
-        gradient = gradients_of(nodes.position, nodes.area, vector(results, "displacement", step), *families)
-        gradient[damage_with_pre_cracks_at(results, step) > CRUMB] = np.nan
-        motion = None
-        if not self._rest:
-            velocity, acceleration = (vector(results, name, step) for name in ("velocity", "acceleration"))
-            rates = gradients_of(nodes.position, nodes.area, velocity, *families)
-            motion = SampledMotion(self._model.material.rho, velocity, acceleration, rates)
+        gradient, motion = gradient_and_motion(results, step, families)
         stress = fields.all_field_components(results, "stress", step)
         parts = np.column_stack([stress[part] for part in ("xx", "yy", "xy")])
         return Sampled(
@@ -203,8 +235,7 @@ def _choose_rings(
 ) -> tuple[Ring, ...]:
     """Three rings; the middle one gives the reported value."""
     if ring is not None:
-        quarter = (ring.outer - ring.inner) / 4
-        return Ring(ring.inner, ring.outer - quarter), ring, Ring(ring.inner + quarter, ring.outer)
+        return tuple(Ring(*radii) for radii in three_radii(*ring))
     horizon = read(results, FractureGridFileKeys).horizon.ratio * _spacing_at_tip(results, step, tip)
     least = max(BLURRED * horizon, 0.2 * room.radius)
     span = 0.8 * room.radius - least
@@ -218,17 +249,16 @@ def _collect_intensity_history(
     frame_integrals: list[TipRingIntegrals | None],
     no_room_reason: str,
 ) -> TipIntensityHistory:
-    columns = {name: np.full((3, len(steps)), np.nan) for name in NAMES}
     places, of_K = np.full((len(steps), 2), np.nan), np.full(len(steps), np.nan)
+    value, low, high = value_and_band(
+        NAMES,
+        [() if rings is None else rings.ring_parameters for rings in frame_integrals],
+        [rings is not None and rings.has_yielded for rings in frame_integrals],
+    )
     for at, rings in enumerate(frame_integrals):
-        if rings is None:
-            continue
-        places[at] = rings.tip.place
-        for name in NAMES[:1] if rings.has_yielded else NAMES:
-            ring_values = [float(getattr(integral, name)) for integral in rings.ring_parameters]
-            columns[name][:, at] = ring_values[1], min(ring_values), max(ring_values)
-        of_K[at] = (columns["K1"][0, at] ** 2 + columns["K2"][0, at] ** 2) / rings.effective_modulus
-    value, low, high = ({name: column[row] for name, column in columns.items()} for row in range(3))
+        if rings is not None:
+            places[at] = rings.tip.place
+            of_K[at] = (value["K1"][at] ** 2 + value["K2"][at] ** 2) / rings.effective_modulus
     last = next((rings for rings in reversed(frame_integrals) if rings is not None), None)
     return TipIntensityHistory(
         tip, steps, np.asarray(steps * time_step), places, value, low, high, last, no_room_reason, of_K

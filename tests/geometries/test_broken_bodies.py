@@ -7,7 +7,7 @@ import pytest
 from plates import shipped
 
 from pdpost.measures.crack_3d import crack_3d
-from pdpost.measures.fragments_3d import node_masses
+from pdpost.measures.fragments import node_masses
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate

@@ -21,7 +21,7 @@ from PIL import Image
 
 from pdmesh.__main__ import main as pdmesh
 from pdpost.__main__ import main as pdpost
-from pdpost.measures.fragments_3d import node_masses
+from pdpost.measures.fragments import node_masses
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.results import Results
 
