@@ -22,8 +22,9 @@ from benchmarks.timing import least_of_steps, timed
 from pdmesh import Body, Box, Run
 from pdmesh.model.document import Horizon, Settings
 from pdsolve.model import Model
+from pdsolve.operators.together import unwrap_bond_operator
 from pdsolve.options import Options
-from pdsolve.run.operator_factory import bond_layout_of_operator, unwrap_bond_operator
+from pdsolve.run.assembly import bond_layout_of_operator
 
 STORED = Path(__file__).with_suffix(".json")
 FLAT = msgspec.structs.replace(GLASS, plane="stress")

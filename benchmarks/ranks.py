@@ -32,7 +32,7 @@ from pdsolve.model import Model
 from pdsolve.numerics.memory import large_arrays_apart
 from pdsolve.numerics.team import Team, team
 from pdsolve.options import Options
-from pdsolve.run.on_ranks import start
+from pdsolve.run import ranks_start
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 
@@ -71,8 +71,8 @@ def exchanges(ranks: Team, times: int) -> list[float]:
 
 def own_values(ranks: Team) -> NDArray[Any]:
     """The displacements (k, 2) of this rank's own nodes, m."""
-    part = ranks.part
-    return np.ascontiguousarray(part.now.state.value[part.own])
+    subdomain = ranks.subdomain
+    return np.ascontiguousarray(subdomain.state.value[subdomain.own])
 
 
 def peak(ranks: Team | None) -> float:
@@ -85,7 +85,7 @@ def peak(ranks: Team | None) -> float:
 def measured(ranks: Team, nodes: int) -> dict[str, Any]:
     """What a plate of so many nodes takes, on all ranks and on as many threads."""
     model = square(nodes)
-    on_many = start.prepare_run_on_ranks(model, Options(), ranks)
+    on_many = ranks_start.prepare_run_on_ranks(model, Options(), ranks)
     memory = ranks.everywhere(peak)
     on_one = prepare(model, Options(threads=ranks.size))
     times: tuple[list[float], list[float]] = ([], [])

@@ -14,16 +14,19 @@ from numpy.typing import NDArray
 from pdmesh.model import unused_settings
 from pdmesh.model.cohesive_softening import COARSE, characteristic_length, largest_horizon
 from pdmesh.model.damping import MUCH, damping_warning
-from pdmesh.model.document import MOST, Displacement
+from pdmesh.model.document import MOST, Displacement, InitialVelocity, Timed
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.model.lattice_calibration import along_axes, lattice_ratios
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.output_fields import usual
 from pdmesh.model.possible import impossible
+from pdmesh.model.rigid_bodies import components_set
+from pdmesh.model.selection import components
+from pdmesh.model.suggestions import called
 from pdmesh.model.triangulated_surface import distances
 from pdsolve.laws import law_named, material_checks, micropolar
-from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.model import Model, ModelError, ModelNote, ModelWarning
 from pdsolve.operators.protocol import Operator
 from pdsolve.options import Options
 from pdsolve.state import State
@@ -414,3 +417,64 @@ def closing(model: Model, balance: float, spent: float, symmetric: bool) -> None
             f"the energy balance error is {balance:+.2g} of the energy put in, more than {LOST:g}; check the time"
             " step, and loads or prescribed motion that begin suddenly",
         )
+
+
+LITTLE = 0.1  # of the peak of a profile: a run in which less acts may be one of other units
+
+
+def warn_of_doubtful_conditions(model: Model, time_step: float) -> None:
+    """Warn of conditions that hardly act in a run in steps of `time_step`, s, of zeros that set nothing, and of a
+    restitution that bodies do not show."""
+    _warn_of_profiles_far_below_peak(model, time_step)
+    _warn_of_ignored_zero_velocities(model)
+    contact, bodies = model.settings.contact, model.grid.bodies
+    if contact is None or contact.restitution == 1 or bodies is None or len(bodies.rigid) == len(bodies.names):
+        return
+    warnings.warn(
+        f"{model.name}: $.contact.restitution is {contact.restitution:g} with bodies that deform, which usually"
+        " rebound with more: it holds for pairs of nodes in contact, and the elastic energy inside the bodies returns"
+        " in full; rigid bodies rebound with it",
+        ModelNote,
+        stacklevel=2,
+    )
+
+
+def _warn_of_profiles_far_below_peak(model: Model, time_step: float) -> None:
+    """Warn of conditions whose profile stays far below its peak in a run in steps of `time_step`, s."""
+    run = model.settings.run
+    if run.solver == "static" and model.settings.physics == "mechanics":
+        return  # whose load steps go to the end of the profiles
+    end = run.steps * time_step
+    for number, condition in enumerate(model.settings.conditions):
+        if not isinstance(condition, Timed) or len(condition.profile) < 2:
+            continue
+        time, factor = np.array(condition.profile, dtype=float).T
+        acts = np.abs([*factor[time <= end], np.interp(end, time, factor)]).max()
+        peak, at = float(np.abs(factor).max()), float(time[np.abs(factor).argmax()])
+        if acts < LITTLE * peak:
+            named = f"{condition.__struct_config__.tag} '{called(condition.name, number)}'"
+            warn(
+                model,
+                f"$.conditions[{number}].profile: {acts / peak:.2g} of the peak of {named} acts within the run's"
+                f" {end:.3g} s: the peak comes at {at:.3g} s; use a longer run.duration or a shorter profile"
+                " (quasi-static: run.solver static)",
+            )
+
+
+def _warn_of_ignored_zero_velocities(model: Model) -> None:
+    """Warn of a component of an initial velocity that is 0 where an earlier one is not, as it leaves that."""
+    earlier: list[tuple[int, InitialVelocity]] = []
+    for number, condition in enumerate(model.settings.conditions):
+        if not isinstance(condition, InitialVelocity):
+            continue
+        for axis, value, sets in zip("xyz", components(condition), components_set(condition), strict=True):
+            for earlier_number, before in earlier if value == 0.0 and not sets else ():
+                common = np.intersect1d(model.selected(condition), model.selected(before))
+                if getattr(before, axis) not in (None, 0.0) and len(common):
+                    warn(
+                        model,
+                        f"$.conditions[{number}].{axis} is 0 beside another component, which leaves what"
+                        f" $.conditions[{earlier_number}] gives {len(common)} of its nodes; one condition with all"
+                        " components sets a node's velocity to 0 along an axis",
+                    )
+        earlier.append((number, condition))

@@ -18,7 +18,7 @@ from pdsolve.options import Options
 from pdsolve.run.assembly import prepare_explicit_motion
 from pdsolve.run.node_changes import SystemAfterNodeChange
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import restore_state
+from pdsolve.run.subdomain import restore_state
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.state import State
 
@@ -78,12 +78,12 @@ class Moving:
         )
 
     def create_system_with_checkpoint_nodes(self, system: System, kept: CheckpointArrays) -> PreparedRun:
-        """As in `NodeAdaptation`."""
+        """As in `Regridder`."""
         model = dataclasses.replace(system.model, grid=self.grid(kept["ids"]))
         return prepare_explicit_motion(model, system.options, system.scheme)
 
     def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
-        """As in `NodeAdaptation`."""
+        """As in `Regridder`."""
         ids, known = self.ids(step), system.model.grid.ids
         if set(ids) == set(known):
             return None
@@ -94,6 +94,13 @@ class Moving:
         before, after = (_bonded(one) for one in (system, new))
         changed = np.array([origin[row] < 0 or before[node] != after[node] for row, node in enumerate(ids.tolist())])
         return SystemAfterNodeChange(new, fresh, np.where(changed, -1, origin))
+
+    def zone_summary(self, system: System) -> None:
+        """As in `Regridder`: there is nothing to say."""
+
+    def summary(self, zone_summary: object) -> dict[str, Any]:
+        """As in `Regridder`."""
+        raise NotImplementedError
 
     def _moved(self, system: System, state: State, new: System) -> dict[str, NDArray[Any]]:
         """A checkpoint for the new cloud: parts have what the whole had, wholes the mean of their parts."""

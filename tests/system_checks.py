@@ -15,7 +15,7 @@ from scipy.sparse.linalg import eigsh
 from pdsolve.bonds.assembly import Bonds, in_precision
 from pdsolve.model import ModelWarning
 from pdsolve.run.assembly import prepare_explicit_motion
-from pdsolve.run.recorder import make_checkpoint
+from pdsolve.run.subdomain import make_checkpoint
 from pdsolve.run.system import PreparedRun
 from pdsolve.state import Broken
 from pdsolve.steppers.equilibrium import EquilibriumConditions

@@ -19,7 +19,7 @@ RIGHT_ANSWERS = (
         "tests/unit/pdsolve/test_checks.py::test_bonds_that_take_too_little_are_said",
     ),
     Mutant(
-        "pdsolve/run/mechanics_records.py",
+        "pdsolve/run/energy_accounts.py",
         "        if system.scheme.symmetric and not self._nodes_changed:\n",
         "        if False:\n",
         "tests/unit/pdsolve/test_checks.py::test_a_run_says_that_its_bonds_took_too_little",
@@ -38,7 +38,7 @@ RIGHT_ANSWERS = (
         "tests/verification/test_families_that_lose_bonds.py::test_torn_families_are_no_stiffer_than_straight_faces",
     ),
     Mutant(
-        "pdsolve/run/mechanics_records.py",
+        "pdsolve/run/energy_accounts.py",
         "        if system.time_step > intact_step:",
         "        if False:",
         "tests/verification/test_families_that_lose_bonds.py::test_a_step_that_became_too_long_is_said_to_be_the_cause",
@@ -156,7 +156,7 @@ RIGHT_ANSWERS = (
         "tests/unit/pdsolve/test_conditions_of_place.py::test_a_component_is_prescribed_in_one_way",
     ),
     Mutant(
-        "pdsolve/run/doubtful_conditions.py",
+        "pdsolve/checks.py",
         "        if acts < LITTLE * peak:",
         "        if False:",
         "tests/unit/pdsolve/test_conditions_of_place.py::test_a_load_of_which_little_acts_is_named",
@@ -198,7 +198,7 @@ RIGHT_ANSWERS = (
         "tests/unit/pdsolve/test_conditions_of_place.py::test_a_displaced_run_begins_with_its_forces_and_with_what_is_prescribed",
     ),
     Mutant(
-        "pdsolve/run/doubtful_conditions.py",
+        "pdsolve/checks.py",
         "            for earlier_number, before in earlier if value == 0.0 and not sets else ():",
         "            for earlier_number, before in ():",
         "tests/unit/pdsolve/test_conditions_of_place.py::test_a_zero_that_leaves_an_earlier_component_is_named",
@@ -248,7 +248,7 @@ RIGHT_ANSWERS = (
         "tests/unit/pdsolve/test_drawn_faces.py::test_nodes_of_a_disc_have_the_normal_and_the_depth_of_its_circle",
     ),
     Mutant(
-        "pdsolve/run/doubtful_conditions.py",
+        "pdsolve/checks.py",
         "    if contact is None or contact.restitution == 1 or",
         "    if True or",
         "tests/verification/test_restitution.py::test_a_restitution_that_bodies_do_not_show_is_said",

@@ -24,9 +24,9 @@ MUTANTS = (
         f"{UNIT}/test_conditions.py::test_a_held_velocity_follows_its_profile",
     ),
     Mutant(
-        "pdsolve/run/measures.py",
-        "sound_bonds = sound[source] & sound[target]",
-        "sound_bonds = sound[source] | sound[target]",
+        "pdsolve/run/fragments.py",
+        "sound_bonds = inside & sound[source] & sound[target]",
+        "sound_bonds = inside & (sound[source] | sound[target])",
         f"{UNIT}/test_simulation.py::test_pieces_are_not_joined_by_cracked_nodes",
     ),
     Mutant(  # resumed
@@ -258,7 +258,7 @@ MUTANTS = (
         f"{UNIT}/test_block_lattice.py::test_a_whole_run",
     ),
     Mutant(
-        "pdsolve/run/recorder.py",
+        "pdsolve/run/subdomain.py",
         "    put_loads(system.drive, system.profile_time_or_load_factor(step))\n",
         "",
         f"{UNIT}/test_interrupted_runs.py::test_interrupted_anywhere",

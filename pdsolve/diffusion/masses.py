@@ -54,13 +54,13 @@ def masses(transport: Transport, state: State, step: int, solid_at_start: float 
 
 
 class MassAccounts:
-    """The mass accounts of one run; see `pdsolve.run.physics_records.PhysicsRecords`."""
+    """The mass accounts of one run; see `pdsolve.run.accounts.Accounts`."""
 
-    broken_directed_bond_count = 0  # bonds do not break
+    broken_directed_bond_count = last_break_step = 0  # bonds do not break
 
     def __init__(self, transport: Transport, state: State, step: int, results: Results | None) -> None:
         """`results` are those of a resumed run after `step`, else None."""
-        self._transport = transport
+        self._transport, self._state = transport, state
         start = None if results is None else results.masses()
         if start is not None and not len(start):
             raise CheckpointError("masses at the start are missing")
@@ -78,28 +78,28 @@ class MassAccounts:
         dissolved = f"{1 - self.last.solid / self._start.solid:.1%} dissolved, " if self._start.solid else ""
         return f"{dissolved}balance {self.balance_error:+.1e}"
 
-    def switch_system(self, system: object) -> None:
+    def follow(self, system: object) -> None:
         """Does nothing, as nodes do not change."""
 
-    def evaluate_balance(self, state: State, step: int, energies_and_breaks: object) -> None:
+    def evaluate(self, step: int) -> None:
         """Evaluate the balance at this step, unless it is the last entry."""
         if self.last.step != step:
-            self.last = masses(self._transport, state, step, self._start.solid)
+            self.last = masses(self._transport, self._state, step, self._start.solid)
 
-    def record_step(self, state: State, step: int, energies_and_breaks: object) -> None:
+    def record(self, step: int) -> None:
         """Record the masses after this step. Raises UnstableError."""
-        content, transport = state.value[:, 0], self._transport
+        content, transport = self._state.value[:, 0], self._transport
         if not np.isfinite(content).all():
             worst = int((~np.isfinite(content)).argmax())
             raise UnstableError(
                 f"unstable at step {step} ({step * transport.time_step:.4g} s, node"
                 f" {transport.model.grid.ids[worst]}): its content is {content[worst]}; reduce run.time_step"
             )
-        self.evaluate_balance(state, step, energies_and_breaks)
+        self.evaluate(step)
         self._rows.append(self.last)
 
-    def move_records_into(self, frame: FrameRecord) -> FrameRecord:
-        """The frame with the records since the last one."""
+    def move_rows_into(self, frame: FrameRecord) -> FrameRecord:
+        """The frame with the rows since the last one."""
         rows, self._rows = self._rows, []
         return frame._replace(masses=rows)
 

@@ -60,11 +60,14 @@ class Floor:
 
 
 class Team:
-    """All ranks, as one of them sees them."""
+    """All ranks, as one of them sees them; usually one process, which needs no MPI."""
 
-    def __init__(self, comm: MPI.Intracomm) -> None:
-        self.comm, self.rank, self.size = comm, comm.Get_rank(), comm.Get_size()
-        self.part: Any = None  # what this rank works on
+    def __init__(self, comm: MPI.Intracomm | None = None) -> None:
+        """`comm` connects the processes; None: this one is alone."""
+        self.comm: Any = comm
+        self.rank, self.size = (0, 1) if comm is None else (comm.Get_rank(), comm.Get_size())
+        self.part: Any = None  # the bonds that this rank works on, one of many
+        self.subdomain: Any = None  # and what runs know of its nodes
         self.floor: Floor | None = None  # None: who tells an error is not decided
         self._asking = threading.Lock()  # the thread that writes results asks too
 

@@ -19,8 +19,11 @@ class Together:
     """The sum of operators on n nodes; see `Operator`. No pair of nodes may have bonds in two of them."""
 
     def __init__(self, *parts: Operator) -> None:
-        """Raises ValueError for parts of other unknowns than those of the first."""
-        self.parts, self.name = parts, " + ".join(part.name for part in parts)
+        """The last part are the bonds, whose kernel it is called by.
+
+        Raises ValueError for parts of other unknowns than those of the first.
+        """
+        self.parts, self.name = parts, parts[-1].name
         self.unknowns: tuple[Unknown, ...] = parts[0].unknowns
         self.symmetric = all(part.symmetric for part in parts)
         for part in parts:
@@ -97,3 +100,10 @@ class Together:
     def bytes(self) -> int:
         """Memory of all arrays, bytes."""
         return sum(part.bytes() for part in self.parts)
+
+
+def unwrap_bond_operator(operator: Operator) -> Operator:
+    """The operator of bonds in one to which supports or contact may be added."""
+    while isinstance(operator, Together):
+        operator = operator.parts[-1]
+    return operator

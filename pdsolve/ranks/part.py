@@ -49,8 +49,6 @@ class Part:
         """`model` and `counted` are of the window."""
         self.slab, self.model, self.operator, self.counted, self.ghosts = slab, model, operator, counted, ghosts
         self.own = slice(slab.first - slab.begin, slab.last - slab.begin)
-        self.now: Any = None  # what runs keep here: the system and its state, and what is asked of them
-        self.sending: Any = None  # and what is on its way to rank 0
 
 
 def build(team: Team, options: Options, starts: NDArray[np.int64], share: tuple[Slab, Model]) -> Built | None:
@@ -154,10 +152,9 @@ def bonds(team: Team, first: int, last: int) -> NDArray[np.int64]:
     return part.operator.bonds(first - slab.begin, last - slab.begin, True)[1] + slab.begin
 
 
-def checkpoint_arrays(part: Part) -> CheckpointArrays:
-    """History of own nodes and of their bonds, by rows of the whole grid."""
-    slab = part.slab
-    window_history, own_history = part.operator.checkpoint_arrays(), {}
+def own_checkpoint_arrays(part: Part, window_history: CheckpointArrays) -> dict[str, NDArray[Any]]:
+    """What own nodes and their bonds have of arrays of a window, by rows of the whole grid."""
+    slab, own_history = part.slab, dict[str, NDArray[Any]]()
     for name, values in window_history.items():
         source = _ends(window_history, name, "source")
         if source is None:
@@ -179,8 +176,9 @@ def is_of_bonds(history: CheckpointArrays, name: str) -> bool:
     return _ends(history, name, "source") is not None
 
 
-def restore(part: Part, history: CheckpointArrays, broken: Broken) -> None:
-    """Restore the history of a window from that of all nodes; in blocks only own nodes have bonds."""
+def of_window(part: Part, history: CheckpointArrays, broken: Broken) -> tuple[dict[str, NDArray[Any]], Broken]:
+    """What a window has of arrays of its nodes and of all bonds, and of broken bonds; in blocks only own nodes have
+    bonds."""
     slab, alone = part.slab, isinstance(part.operator, BlockLattice)
     first, last = (slab.first, slab.last) if alone else (slab.begin, slab.end)
     mine = (broken.source >= first) & (broken.source < last)
@@ -194,4 +192,4 @@ def restore(part: Part, history: CheckpointArrays, broken: Broken) -> None:
             continue
         in_window = (source >= first) & (source < last) & (target >= slab.begin) & (target < slab.end)
         window_history[name] = values[in_window] - slab.begin if name.endswith(ENDS) else values[in_window]
-    part.operator.restore(window_history, past)
+    return window_history, past

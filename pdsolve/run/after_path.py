@@ -20,7 +20,7 @@ from pdsolve.model import Model, model_of
 from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import restore_state
+from pdsolve.run.subdomain import restore_state
 from pdsolve.run.system import PreparedRun
 from pdsolve.steppers.equilibrium import force_densities
 

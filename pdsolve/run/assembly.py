@@ -3,36 +3,49 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, Any, Literal, cast
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds.assembly import BondSource, Counted
+from pdsolve.bonds.assembly import Bonds, BondSource, BondStatistics, Counted, listed
 from pdsolve.bonds.static_breakage import StaticBreakage
 from pdsolve.checks import refuse_fields
 from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, widened
-from pdsolve.device.families import FluxesOnDevice
+from pdsolve.device.families import FamiliesOnDevice, FluxesOnDevice
 from pdsolve.device.nodes import NodesOnDevice
 from pdsolve.device.runtime import Session
+from pdsolve.device.tiles import BlocksOnDevice, TilesOnDevice
 from pdsolve.diffusion.system import Transport
+from pdsolve.lattice import family_blocks, family_tiles
+from pdsolve.lattice.block_bonds import blocks_of, can_be_in_blocks
+from pdsolve.lattice.family_blocks import FamiliesInBlocks
+from pdsolve.lattice.family_operator import FamilyLattice
+from pdsolve.lattice.family_tiles import FamiliesInTiles
 from pdsolve.lattice.flux_operator import FluxesInTiles
 from pdsolve.lattice.march import LatticeMarch
+from pdsolve.lattice.marched_bonds import MarchedBlocks, MarchedBonds, MarchedTiles
+from pdsolve.lattice.operator import BlockLattice, TileLattice
+from pdsolve.laws import law_of
+from pdsolve.laws.bond_arrays import Tabled
+from pdsolve.laws.law import Law
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.numerics.team import Team
+from pdsolve.operators.bond_list import BondList
+from pdsolve.operators.contact.at_rest import RestingContact
+from pdsolve.operators.contact.operator import PenaltyContact, touch_bound
 from pdsolve.operators.ghosts import Ghosts
+from pdsolve.operators.ground_supports import support_bound, supported
 from pdsolve.operators.protocol import Operator
-from pdsolve.options import Options
+from pdsolve.operators.together import Together, unwrap_bond_operator
+from pdsolve.options import Options, threads_of
 from pdsolve.ranks.diffusing import EulerOnRanks
-from pdsolve.run.operator_factory import (
-    add_ground_supports,
-    add_penalty_contact,
-    compute_stable_time_step,
-    make_operator,
-    split_into_lattice_bonds_and_contact,
-)
 from pdsolve.run.system import PreparedRun, System
+from pdsolve.schemes.cubic_lattice_bonds import Tiled, tiled
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.stepper import Stepper
@@ -41,6 +54,229 @@ from pdsolve.steppers.verlet import Verlet
 
 if TYPE_CHECKING:
     from pdsolve.crack_growth.growth import Growth
+
+
+def make_operator(
+    model: Model,
+    options: Options,
+    scheme: Scheme,
+    bond_source: BondSource,
+    bonds_are_unbreakable: bool = False,
+    bonds_swell: bool = False,
+) -> tuple[Operator, Counted]:
+    """The operator of the bonds: in blocks if possible and not excluded by options; and what is counted of the bonds.
+
+    `bonds_are_unbreakable`: no bond breaks, as `bond_source` has it; `bonds_swell`: they stretch from what a content
+    makes them long, which tiles do not know.
+    """
+    made = None if bonds_swell else make_tiled_operator(model, options, scheme, bonds_are_unbreakable)
+    if made is not None:
+        return made
+    law, kind, nodes = law_of(model, scheme.matches_work), np.dtype(options.precision).type, len(model.grid)
+    blocked = _allows_compiled_layouts(options)
+    statistics = BondStatistics(bond_source, scheme.symmetric)
+    if model.settings.run.device != "cpu":
+        return _make_device_operator(model, options, scheme, bond_source, law, statistics)
+    if law.pair is not None and blocked:
+        shape = model.grid.position.shape
+        blocks = blocks_of(law, statistics.parts(), shape, kind, threads_of(options, nodes, True))
+        if blocks is not None:
+            operator = BlockLattice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens)
+            return operator, statistics.counted(bond_source.area)
+        statistics = BondStatistics(bond_source, scheme.symmetric)
+    threads = threads_of(options, nodes, False)
+    bonds = listed(statistics.parts(), bond_source.area).bonds
+    counted = statistics.counted(bond_source.area)
+    of = law, model, bonds, scheme.symmetric, options.precision, threads
+    layout = _choose_family_layout_function(law, model, bonds, bond_source.area, threads) if blocked else None
+    if layout is not None:
+        return FamilyLattice(*of, layout), counted
+    if options.kernel == "blocks":
+        raise ModelError(
+            "kernel is blocks; use listed: blocks need nodes on a lattice, a law that is written for them, and"
+            " compiled code"
+        )
+    return BondList(*of), counted
+
+
+def _choose_family_layout_function(
+    law: Law, model: Model, bonds: Bonds, volume: NDArray[np.float64], threads: int
+) -> Callable[[Tabled, np.dtype[Any]], FamiliesInBlocks | FamiliesInTiles] | None:
+    """What lays out families in tiles, else in blocks; None for a law without tuples, or nodes on no lattice."""
+    in_space = family_tiles.placed(law, model, bonds, volume)
+    if in_space is not None:
+        return partial(FamiliesInTiles, in_space, bonds, threads)
+    where = family_blocks.placed(law, bonds)
+    return None if where is None else partial(FamiliesInBlocks, *where, len(model.grid))
+
+
+def make_tiled_operator(
+    model: Model, options: Options, scheme: Scheme, bonds_are_unbreakable: bool = False
+) -> tuple[Operator, Counted] | None:
+    """The operator of a body's bonds in tiles, and what is counted of the bonds; None where tiles cannot be or are
+    excluded by options.
+
+    `bonds_are_unbreakable`: no bond breaks.
+    """
+    tiles = _make_bond_tiles_if_possible(model, options, scheme, bonds_are_unbreakable)
+    if tiles is None:
+        return None
+    parts = law_of(model, scheme.matches_work), tiles.tiles, tiles.sites, tiles.stiffness_bound, scheme.symmetric
+    if model.settings.run.device != "cpu":
+        on_device = TilesOnDevice(*parts, 1)
+        on_device.put_on(Session(model.settings.run.device))
+        return on_device, tiles.counted
+    return TileLattice(*parts, threads_of(options, len(model.grid), True)), tiles.counted
+
+
+def _make_device_operator(
+    model: Model, options: Options, scheme: Scheme, bond_source: BondSource, law: Law, statistics: BondStatistics
+) -> tuple[Operator, Counted]:
+    """The operator of bonds that are in no tiles on a device. Raises ModelError."""
+    if law.lanes is not None:  # a law of families
+        bonds = listed(statistics.parts(), bond_source.area).bonds
+        layout = _choose_family_layout_function(law, model, bonds, bond_source.area, 1)
+        if layout is None:
+            raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
+        families = FamiliesOnDevice(law, model, bonds, scheme.symmetric, options.precision, 1, layout)
+        families.put_on(Session(model.settings.run.device))
+        return families, statistics.counted(bond_source.area)
+    if law.pair is None or law.pair.is_curved:
+        raise ModelError(f"{model.name}: $.run.device: the law is no straight line; use cpu for such a law")
+    session, kind = Session(model.settings.run.device), np.dtype(options.precision).type
+    blocks = blocks_of(law, statistics.parts(), model.grid.position.shape, kind, 1)
+    if blocks is None:
+        raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
+    operator = BlocksOnDevice(law, blocks, statistics.stiffness_bound, scheme.symmetric, statistics.softens)
+    operator.put_on(session)
+    return operator, statistics.counted(bond_source.area)
+
+
+def add_ground_supports(model: Model, volume: NDArray[np.float64], bond_operator: Operator) -> Operator:
+    """The operator of a model's bonds with its spring supports and pins, if it has any. `volume` (n,), m^d."""
+    return supported(model, volume, bond_operator) if model.has_supports else bond_operator
+
+
+def add_penalty_contact(
+    model: Model, volume: NDArray[np.float64], bond_operator: Operator
+) -> tuple[Operator, PenaltyContact | None]:
+    """The operator of a model's bonds and of what touches; and the latter. `volume` (n,), m^d. Raises ModelError."""
+    if model.settings.contact is None:
+        return bond_operator, None
+    longest = stable_time_step_from_stiffness_bound(touch_bound(model, volume), model.rho)
+    step = model.settings.run.time_step
+    if step is not None and step > longest:
+        raise ModelError(
+            f"{model.name}: $.contact.stiffness is {model.settings.contact.stiffness:g} with steps of {step:.3g} s;"
+            f" use steps up to {longest:.3g} s, or less"
+        )
+    contact = PenaltyContact(model, volume, bond_operator)
+    return Together(contact, bond_operator), contact
+
+
+def add_quasi_static_contact(
+    model: Model, volume: NDArray[np.float64], bond_operator: Operator
+) -> tuple[Operator, RestingContact | None]:
+    """The operator of the bonds of a model at rest and of what touches; and the latter. `volume` (n,), m^d."""
+    if model.settings.contact is None:
+        return bond_operator, None
+    contact = RestingContact(model, volume, bond_operator)
+    return Together(contact, bond_operator), contact
+
+
+def options_with_kernel_for_swelling(model: Model, options: Options) -> Options:
+    """The options of a kernel that knows what swells: blocks in motion, of laws that they can sum so; else the list.
+
+    Raises ModelError where the options exclude it.
+    """
+    pair, run = law_of(model).pair, model.settings.run
+    straight = pair is not None and not pair.is_curved and not pair.elastic_in_compression
+    fast = straight and run.solver == "explicit"
+    expected = (None, "listed", "blocks") if fast else (None, "listed")
+    if options.kernel not in expected:
+        raise ModelError(f"{model.name}: kernel is {options.kernel}; use listed for bonds that swell")
+    return options if fast else options._replace(kernel="listed")
+
+
+def split_into_lattice_bonds_and_contact(operator: Operator) -> tuple[MarchedBonds | None, PenaltyContact | None]:
+    """The bonds on lattices of an operator, if they are all there is of it but for contact; and that."""
+    contact, bonds = None, operator
+    if isinstance(operator, Together) and len(operator.parts) == 2 and isinstance(operator.parts[0], PenaltyContact):
+        contact, bonds = operator.parts[0], operator.parts[1]
+    if isinstance(bonds, BlockLattice):
+        return MarchedBlocks(bonds), contact
+    return (MarchedTiles(bonds) if isinstance(bonds, TileLattice) else None), contact
+
+
+BondLayout = Literal["tiles", "blocks", "listed"]  # where the bonds of a pair law are
+
+
+def count_bonds_and_compute_stiffness_bound(
+    model: Model, options: Options, scheme: Scheme
+) -> tuple[Counted, NDArray[np.float64], BondLayout]:
+    """Numbers (n,) of the bonds of a pair law, the bound (n,) of their stiffness, N/m^4, and where they will be."""
+    tiles = _make_bond_tiles_if_possible(model, options, scheme, False)
+    if tiles is not None:
+        area = tiles.counted.area
+        return tiles.counted, tiles.stiffness_bound + _contact_and_support_stiffness_bound(model, area), "tiles"
+    filling = scheme.fill(model)
+    statistics = BondStatistics(filling, scheme.symmetric)
+    in_blocks = can_be_in_blocks(statistics.parts(), model.grid.position.shape) and _allows_compiled_layouts(options)
+    bound = statistics.stiffness_bound + _contact_and_support_stiffness_bound(model, filling.area)
+    return statistics.counted(filling.area), bound, "blocks" if in_blocks else "listed"
+
+
+def bond_layout_of_operator(operator: Operator) -> BondLayout:
+    """Where the bonds of a pair law are that this operator sums."""
+    bonds = unwrap_bond_operator(operator)
+    return "tiles" if isinstance(bonds, TileLattice) else "blocks" if bonds.name == "blocks" else "listed"
+
+
+def _contact_and_support_stiffness_bound(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What contact and supports add to the bound (n,) of each node's stiffness, N/m^4."""
+    return touch_bound(model, volume) + support_bound(model, volume)
+
+
+def _make_bond_tiles_if_possible(
+    model: Model, options: Options, scheme: Scheme, bonds_are_unbreakable: bool
+) -> Tiled | None:
+    """The bonds of a body in tiles, where they can be and options do not exclude it."""
+    if model.grid.dimension == 2 or not _allows_compiled_layouts(options) or not scheme.symmetric:
+        return None
+    pair = law_of(model).pair
+    if model.settings.run.device != "cpu" and pair is not None and pair.is_curved:
+        return None  # devices know straight lines alone
+    return tiled(model, np.dtype(options.precision).type, bonds_are_unbreakable)
+
+
+def _allows_compiled_layouts(options: Options) -> bool:
+    """Whether bonds may be in tiles or blocks, which are for compiled code."""
+    return options.kernel != "listed" and not numba.config.DISABLE_JIT
+
+
+def compute_stable_time_step(model: Model, operator: Operator) -> float:
+    """The longest surely stable step of a motion, s, in which families may lose bonds; infinite without bonds."""
+    start, torn_stiffness = operator.stiffness_bound(), law_of(model).torn_stiffness
+    breaks = model.settings.run.cracks == "bonds" and any(material.failure != "none" for material in model.materials)
+    if breaks and torn_stiffness is not None:  # of laws of families alone, whose bonds are listed
+        start = np.maximum(start, torn_stiffness(cast("BondList", unwrap_bond_operator(operator)).columns, start))
+    return stable_time_step_from_stiffness_bound(start, model.rho)
+
+
+def compute_stable_time_step_of_intact_bonds(model: Model, operator: Operator) -> float:
+    """The longest surely stable step, s, with the bonds that are left, which may be shorter than at the start."""
+    bonds = unwrap_bond_operator(operator)
+    return (
+        stable_time_step_from_stiffness_bound(bonds.intact_stiffness_bound(), model.rho)
+        if isinstance(bonds, BondList)
+        else float("inf")
+    )
+
+
+def stable_time_step_from_stiffness_bound(stiffness_bound: NDArray[np.float64], rho: NDArray[np.float64]) -> float:
+    """The longest surely stable step, s, for an operator's `stiffness_bound` (n,); infinite without bonds."""
+    largest = float((stiffness_bound / rho).max(initial=0.0))
+    return float(np.sqrt(2 / largest)) if largest > 0 else float("inf")
 
 
 STILL = 2.0  # damping times a step: more would turn velocities round within it

@@ -15,10 +15,10 @@ from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.ground_supports import supports_of
 from pdsolve.operators.softening_shear import softening_of
 from pdsolve.options import Options
-from pdsolve.run.assembly import make_crack_particle_growth
-from pdsolve.run.operator_factory import (
+from pdsolve.run.assembly import (
     add_ground_supports,
     add_quasi_static_contact,
+    make_crack_particle_growth,
     make_operator,
     stable_time_step_from_stiffness_bound,
 )

@@ -23,10 +23,10 @@ from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
 from pdsolve.numerics.memory import aligned
 from pdsolve.options import Options, threads_of
-from pdsolve.run.assembly import choose_time_step
-from pdsolve.run.operator_factory import (
+from pdsolve.run.assembly import (
     BondLayout,
     bond_layout_of_operator,
+    choose_time_step,
     compute_stable_time_step,
     count_bonds_and_compute_stiffness_bound,
     stable_time_step_from_stiffness_bound,

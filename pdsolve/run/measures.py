@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.graphs import connected
-from pdmesh.model.output_fields import CRACKED, USUAL, usual
+from pdmesh.model.document import Pin, RigidBody, Selection, Spring
+from pdmesh.model.neighbours import lengths
+from pdmesh.model.output_fields import USUAL, usual
+from pdsolve.conditions import Driving, factor_now
+from pdsolve.numerics.ordered_sums import Branches, branches, total
+from pdsolve.operators.ground_supports import supports_of
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 
@@ -64,30 +68,58 @@ class EnergyBalanceRow(NamedTuple):
         return max(abs(self.work), largest_work, initial_energy)
 
 
+class BalancePart(NamedTuple):
+    """What the nodes of one rank have in the energy balance."""
+
+    row: EnergyBalanceRow  # without what is summed over nodes
+    sums: dict[str, Branches]  # over own nodes, by the name of the entry
+
+
 def compute_energy_balance_row(
     system: System, state: State, step: int, energies_and_breaks: NodeEnergiesAndBreaks | None = None
 ) -> EnergyBalanceRow:
-    """The ledger entry after `step`, in double precision and the nodes' order.
+    """The ledger entry after `step` in one process, in double precision and the nodes' order.
 
     `energies_and_breaks` is that of this state, if known.
     """
-    strain, softened, broken = energies_and_breaks or compute_node_energies_and_breaks(system, state)
+    energies_and_breaks = energies_and_breaks or compute_node_energies_and_breaks(system, state)
+    nodes = slice(0, len(system.area)), 0, len(system.area)
+    return join_balance([compute_balance_part(system, state, step, energies_and_breaks, *nodes)], len(system.area))
+
+
+def compute_balance_part(
+    system: System,
+    state: State,
+    step: int,
+    energies_and_breaks: NodeEnergiesAndBreaks,
+    own_rows: slice,
+    first: int,
+    node_count: int,
+) -> BalancePart:
+    """The part of the nodes `own_rows` of a system, the first of which is the row `first` of all `node_count`.
+
+    The broken bonds of `energies_and_breaks` are those of own nodes.
+    """
+    strain, softened, broken = energies_and_breaks
+    zone = {} if system.zone_summary is None else system.zone_summary._asdict()
     if system.moving_zone_operator is not None:
-        sums = system.moving_zone_operator.energy_balance_totals()._asdict()
-        zone = system.moving_zone_operator.zone_summary()._asdict()
-        return EnergyBalanceRow(step, step * system.time_step, **sums, **zone)
+        totals = system.moving_zone_operator.energy_balance_totals()._asdict()
+        return BalancePart(EnergyBalanceRow(step, step * system.time_step, **totals, **zone), {})
+    summed = dict.fromkeys(("kinetic", "strain", "dissipated", "work", "momentum_x", "momentum_y"), 0.0)
+    count = system.broken_bonds_of_removed_nodes + len(broken.step)
+    heat = compute_friction_heat(system, state)
+    row = EnergyBalanceRow(step, step * system.time_step, broken=count, friction=heat, **summed, **zone)
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
-        return EnergyBalanceRow(
-            step,
-            step * system.time_step,
-            broken=system.broken_bonds_of_removed_nodes + len(broken.step),
-            friction=compute_friction_heat(system, state),
-            **{
-                name: float(np.sum(values()))
-                for name, values in node_energy_functions(system, state, strain, softened).items()
-            },
-            **({} if system.zone_summary is None else system.zone_summary._asdict()),
-        )
+        values = node_energy_functions(system, state, strain, softened)
+        return BalancePart(row, {name: branches(of()[own_rows], first, node_count) for name, of in values.items()})
+
+
+def join_balance(parts: Sequence[BalancePart], node_count: int) -> EnergyBalanceRow:
+    """The ledger entry of the parts of all ranks, which have so many nodes, to the bits of one process."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        sums = {name: total([part.sums[name] for part in parts], node_count) for name in parts[0].sums}
+    row = parts[0].row._replace(broken=sum(part.row.broken for part in parts))
+    return EnergyBalanceRow(**{**row._asdict(), **sums})
 
 
 def node_energy_functions(
@@ -166,10 +198,126 @@ def count_initially_separate_bodies(system: System) -> int:
     return 1 if named is None else len(named.names)
 
 
-def count_fragments(system: System) -> int:
-    """Number of pieces of the plate: connected components of intact bonds without cracked nodes."""
-    sound = compute_node_damage(system) <= CRACKED
-    source, target = system.operator.bonds()
-    sound_bonds = sound[source] & sound[target]
-    part = connected(len(sound), source[sound_bonds], target[sound_bonds])
-    return int((np.bincount(part) > PIECE * len(sound)).sum())
+RIGID = str(RigidBody.__struct_config__.tag)
+GROUND = tuple(str(kind.__struct_config__.tag) for kind in (Spring, Pin))
+
+
+class ForceConditionWithNodes(NamedTuple):
+    """A condition that acts throughout a run, and its nodes."""
+
+    condition_number: int  # in the model's list of conditions
+    condition_kind: str
+    node_rows: NDArray[np.int64]  # of the grid
+
+
+class ConditionForceRow(NamedTuple):
+    """Force and displacement of a condition at a step, per unit thickness."""
+
+    step: int
+    time: float  # s
+    condition: int  # in the model's list of conditions
+    kind: str
+    force_x: float  # N/m, on the plate
+    force_y: float
+    displacement_x: float  # m, mean of its nodes
+    displacement_y: float
+    force_z: float = 0.0  # N, of a body, of which those along x and y are in N too
+    displacement_z: float = 0.0
+
+
+class ConditionForceSums(NamedTuple):
+    """Sums over the nodes of each of c conditions, those of one rank after those of the ranks before it."""
+
+    holding_force: NDArray[np.float64]  # (c, d) of what holds components, N/m, in space N
+    load_force: NDArray[np.float64]  # (c, d) of loads at factor 1, N/m, in space N
+    displacement: NDArray[np.float64]  # (c, d) m
+    node_count: NDArray[np.int64]  # (c,)
+
+
+def list_force_conditions_with_nodes(
+    system: System, local_rows: slice = slice(None)
+) -> tuple[ForceConditionWithNodes, ...]:
+    """All conditions with forces, in the model's order, which is that of the profiles of `Drive`; of many ranks, with
+    their nodes among `local_rows`."""
+    first, end, _ = local_rows.indices(len(system.model.grid))
+    return tuple(
+        ForceConditionWithNodes(number, str(condition.__struct_config__.tag), rows[(rows >= first) & (rows < end)])
+        for number, condition in enumerate(system.requested_model.settings.conditions)
+        if isinstance(condition, Driving)
+        for rows in (_find_nodes_of_condition(system, condition),)
+    )
+
+
+def _find_nodes_of_condition(system: System, condition: Selection) -> NDArray[np.int64]:
+    """Current nodes of a condition; where nodes come and go, the nearest one if it acts between nodes."""
+    rows, full_model = system.model.selected(condition), system.full_model
+    if len(rows) or full_model is None:
+        return rows
+    place = full_model.grid.part(full_model.selected(condition)).position.mean(axis=0)
+    return np.array([lengths(system.model.grid.position - place).argmin()])
+
+
+def compute_condition_forces(
+    conditions: tuple[ForceConditionWithNodes, ...], system: System, state: State, step: int, time: float
+) -> list[ConditionForceRow]:
+    """External force of each grip after `step`.
+
+    A hold balances bonds and loads on its components and provides their acceleration. The acceleration of a prescribed
+    displacement or velocity is taken as 0: only the inertia of the held nodes is neglected while their speed changes.
+    The force of a rigid body is that on what it touches.
+    """
+    sums = add_condition_forces(conditions, system, state, None)
+    return list_condition_force_rows(conditions, system, state, sums, step, time)
+
+
+def add_condition_forces(
+    conditions: tuple[ForceConditionWithNodes, ...], system: System, state: State, before: ConditionForceSums | None
+) -> ConditionForceSums:
+    """The sums over the nodes of conditions, added node by node to those of the ranks `before`, None for the first."""
+    count, d = len(conditions), system.model.grid.dimension
+    holding, loading = (np.zeros((count, d)), np.zeros((count, d))) if before is None else before[:2]
+    if system.moving_zone_operator is not None:
+        holding += system.moving_zone_operator.constraint_force_by_profile(count)
+        loading += system.moving_zone_operator.load_force_by_profile(count)
+    else:
+        drive, area, rho = system.drive, system.area, system.model.rho
+        holds, loads = drive.holds, drive.loads
+        acceleration = state.second[holds.node, holds.axis].astype(float)
+        pull = area[holds.node] * (rho[holds.node] * acceleration - drive.held_force)
+        np.add.at(holding, (holds.profile, holds.axis), pull)
+        np.add.at(loading, (loads.profile, loads.axis), area[loads.node] * loads.value)
+    displacement, nodes = np.zeros((count, d)), np.zeros(count, dtype=np.int64)
+    for number, grip in enumerate(conditions):
+        moved = state.value[grip.node_rows, :d].astype(float)
+        if before is not None:
+            moved = np.concatenate([before.displacement[number : number + 1], moved])
+            nodes[number] = before.node_count[number]
+        displacement[number] = np.add.reduce(moved, axis=0)
+        nodes[number] += len(grip.node_rows)
+    return ConditionForceSums(holding, loading, displacement, nodes)
+
+
+def list_condition_force_rows(
+    conditions: tuple[ForceConditionWithNodes, ...],
+    system: System,
+    state: State,
+    sums: ConditionForceSums,
+    step: int,
+    time: float,
+) -> list[ConditionForceRow]:
+    """The forces of conditions after `step` from the sums over all their nodes; see `compute_condition_forces`."""
+    reaction_rows, at = [], system.profile_time_or_load_factor(step)
+    supports = supports_of(system.operator) if any(grip.condition_kind in GROUND for grip in conditions) else None
+    for profile, grip in enumerate(conditions):
+        factor = float(factor_now(system.drive.profiles, profile, at))
+        force = (sums.holding_force[profile] + factor * sums.load_force[profile]).tolist()
+        if grip.condition_kind == RIGID and system.contact is not None:
+            force = (-system.contact.rigid.force_of(grip.node_rows, len(force))).tolist()
+        if grip.condition_kind in GROUND and supports is not None:
+            force = supports.forces_of(grip.node_rows, system.area, state).tolist()
+        mean = (sums.displacement[profile] / sums.node_count[profile]).tolist()
+        plane = *force[:2], *mean[:2]
+        reaction_rows.append(
+            ConditionForceRow(step, time, grip.condition_number, grip.condition_kind, *plane, *force[2:], *mean[2:])
+        )
+    return reaction_rows

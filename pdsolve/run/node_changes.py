@@ -25,7 +25,7 @@ class SystemAfterNodeChange(NamedTuple):
     previous_rows: NDArray[np.int64]  # (m,) row of each node in the cloud before, -1 of those that are born
 
 
-class NodeAdaptation(Protocol):
+class Regridder(Protocol):
     """Decides when and how nodes change, from the state alone, so that a resumed run equals an uninterrupted one."""
 
     steps_between_checks: int  # steps between two looks
@@ -39,11 +39,7 @@ class NodeAdaptation(Protocol):
         `initial_system` is that of the start. The caller restores state, loads and broken bonds.
         """
 
-
-class Regridder(NodeAdaptation, Protocol):
-    """The adaptation that a model asks for, with what a run says of it."""
-
-    def zone_summary(self, system: System) -> ZoneSummary:
+    def zone_summary(self, system: System) -> ZoneSummary | None:
         """Summary of the finer nodes."""
 
     def summary(self, zone_summary: ZoneSummary) -> dict[str, Any]:

@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 
 from pdsolve.model import ModelWarning
-from pdsolve.run.operator_factory import unwrap_bond_operator
+from pdsolve.operators.together import unwrap_bond_operator
 from pdsolve.run.system import System
 
 LARGEST = 0.1  # plastic strain up to which j2 in its total form counts as one for small strains

@@ -23,22 +23,21 @@ from pdsolve.lattice.operator import BlockLattice
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import cores, useful_threads
 from pdsolve.operators.bond_list import BondList
+from pdsolve.operators.together import unwrap_bond_operator
 from pdsolve.options import Options, threads_of
 from pdsolve.run.assembly import (
     assemble_system,
     choose_time_step,
     make_diffusion_stepper,
+    options_with_kernel_for_swelling,
     prepare_explicit_motion,
     set_initial_velocity_and_acceleration,
+    stable_time_step_from_stiffness_bound,
 )
 from pdsolve.run.at_rest import prepare_quasi_static_run
 from pdsolve.run.body_zones import BodyCellRefinement
 from pdsolve.run.cell_splitting import CellSplitting
-from pdsolve.run.operator_factory import (
-    options_with_kernel_for_swelling,
-    stable_time_step_from_stiffness_bound,
-    unwrap_bond_operator,
-)
+from pdsolve.run.ranks_start import prepare_run_on_ranks
 from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone, broken_bonds_by_grid_rows
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes import SCHEMES
@@ -66,6 +65,8 @@ def _prepare_by_physics_and_adaptivity(model: Model, options: Options) -> Prepar
     if model.diffuses:
         return _prepare_diffusion(model, options)
     scheme = select_scheme(model, options)
+    if options.team is not None:
+        return prepare_run_on_ranks(model, options, options.team)
     if model.swells:
         return _prepare_swelling_motion(model, options, scheme)
     if model.settings.run.cracks == "particles" and model.materials[0].detour is not None:

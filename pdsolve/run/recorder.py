@@ -1,54 +1,46 @@
-"""Records of a run in the format of its results."""
+"""Records of a run on all ranks, in the format of its results; usually of one process, a team of one rank."""
 
 from __future__ import annotations
 
 import dataclasses
+import json
+import os
 import time as clock
 from collections.abc import Mapping
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh import VERSION
+from pdmesh.model.bond_counts import pair_count
+from pdmesh.model.node_grid import Grid
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.checkpoint_validation import entry, expect_broken, expect_found, like
-from pdsolve.codegen.compile_time import running_time
-from pdsolve.conditions import put_loads
+from pdsolve.codegen.compile_time import processor_kind, running_time
 from pdsolve.diffusion.masses import MassAccounts
-from pdsolve.results import Breaks, Epoch, Families, FrameRecord, Nodes, Results, Writer
-from pdsolve.results.schema import taken
-from pdsolve.run.measures import (
-    NodeEnergiesAndBreaks,
-    compute_node_energies_and_breaks,
-    compute_output_fields,
-    count_fragments,
-    count_initially_separate_bodies,
-)
-from pdsolve.run.mechanics_records import MechanicsRecords
+from pdsolve.numerics.team import Team
+from pdsolve.results import Breaks, Epoch, Families, FrameRecord, Nodes, Results, Writer, pieces, remove
+from pdsolve.results.removal import expect_piece
+from pdsolve.results.schema import CHUNK, Births, taken
+from pdsolve.run import frames
+from pdsolve.run.accounts import Accounts, CoupledAccounts
+from pdsolve.run.energy_accounts import EnergyAccounts
+from pdsolve.run.fragments import count_fragments
+from pdsolve.run.frames import nodes_for_results
+from pdsolve.run.measures import count_initially_separate_bodies
 from pdsolve.run.node_changes import SystemAfterNodeChange
-from pdsolve.run.physics_records import CoupledRecords, PhysicsRecords
+from pdsolve.run.rank_file import wait_until_all_ranks_wrote_frame
+from pdsolve.run.subdomain import Subdomain, team_of
 from pdsolve.run.system import System
-from pdsolve.state import Broken, State, zero_state
+from pdsolve.state import Broken, State
 
 GAP = 64  # rows between born nodes whose bonds are asked for together
+BATCH = 64 * CHUNK  # nodes that many ranks are asked for together
 KEPT = 1.0  # s between checkpoints in full precision, with frames
 OLD = 10.0  # s, with entries of the ledger
-
-
-def nodes_for_results(system: System) -> Nodes:
-    """The nodes in the format of results."""
-    grid, cut = system.model.grid, system.family_sizes - system.initial_bond_counts
-    return Nodes(grid.ids, grid.position, grid.delta, system.area, system.family_sizes, cut)
-
-
-def initial_families_for_results(system: System, first_row: int, end_row: int) -> Families:
-    """Initial families of the rows `first_row` to `end_row` - 1; available during a run too."""
-    if system.transport is not None:  # whose links do not break: nobody asks for them
-        return Families(np.zeros(end_row - first_row + 1, dtype=np.int64), np.zeros(0, dtype=np.int64))
-    _, target = system.operator.bonds(first_row, end_row, at_start=True)
-    return Families(np.concatenate([[0], np.cumsum(system.initial_bond_counts[first_row:end_row])]), target)
 
 
 def collect_born_nodes_and_families(
@@ -69,7 +61,7 @@ def collect_born_nodes_and_families(
     order = np.lexsort((target, source))
     source, target = source[order], target[order]
     count = np.bincount(source, minlength=len(system.family_sizes))[born_rows]
-    born_nodes = taken(nodes_for_results(system), born_rows)._replace(cut=system.family_sizes[born_rows] - count)
+    born_nodes = nodes_for_results(system, born_rows)._replace(cut=system.family_sizes[born_rows] - count)
     return born_nodes, Families(np.concatenate([[0], np.cumsum(count)]), rows_in_results[target])
 
 
@@ -79,72 +71,6 @@ def list_breaks_since(system: System, after_step: int, broken: Broken | None = N
     step, source, target = all_broken.after(after_step)
     order = np.lexsort((target, source, step))
     return Breaks(step[order], ids[source[order]], ids[target[order]])
-
-
-def make_checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
-    """A copy of everything a resumed run needs to continue bit by bit, except the broken bonds."""
-    of_bonds = dict(system.operator.checkpoint_arrays())  # before the state, which it may bring up to date
-    arrays = {"held_force": system.drive.held_force}
-    if system.moving_zone_operator is None:  # whose operator has the state
-        arrays |= state._asdict()
-    arrays |= system.stepper.checkpoint_arrays()
-    crack_arrays = {} if system.crack_growth is None else system.crack_growth.checkpoint_arrays()
-    copies = {  # zeros alone, which the system makes when they are read, take no memory
-        name: values.copy() if values.any() else np.zeros_like(values) for name, values in arrays.items()
-    }
-    checkpoint_arrays = copies | of_bonds | crack_arrays
-    for prepared in system.coupled_runs:
-        checkpoint_arrays |= {
-            _checkpoint_name_of_coupled_array(prepared.system, name): values
-            for name, values in make_checkpoint(*prepared).items()
-        }
-    return checkpoint_arrays
-
-
-def _checkpoint_name_of_coupled_array(system: System, name: str) -> str:
-    """The name in a checkpoint of an array of an unknown beside the motion."""
-    return f"{system.operator.unknowns[0].name}_{name}"
-
-
-def checkpoint_node_ids_and_broken_bonds(system: System) -> dict[str, NDArray[Any]]:
-    """Additional checkpoint data if nodes change: their ids, and which of their bonds are broken."""
-    broken = system.operator.broken()
-    order = np.lexsort((broken.target, broken.source, broken.step))
-    return {"ids": system.model.grid.ids} | {f"broken_{name}": side[order] for name, side in broken._asdict().items()}
-
-
-def restore_state(
-    system: System, state: State, step: int, checkpoint: Mapping[str, NDArray[Any]], breaks: Breaks
-) -> None:
-    """Restore the state after `step` with the bonds `breaks` until then. Raises CheckpointError."""
-    # The operator of a moving zone has gone back with its state
-    for name, values in state._asdict().items() if system.moving_zone_operator is None else ():
-        values[:] = like(checkpoint, name, values)
-    system.drive.held_force[:] = like(checkpoint, "held_force", system.drive.held_force)
-    nodes = len(system.family_sizes)
-    if "ids" in checkpoint:
-        (count,) = entry(checkpoint, "broken_step", (None,), np.int64).shape
-        past = Broken(*(entry(checkpoint, f"broken_{name}", (count,), np.int64) for name in Broken._fields))
-    else:
-        ids, before = system.model.grid.ids, breaks.step <= step
-        order = np.argsort(ids)
-        ends = [column[before] for column in breaks[1:]]
-        source, target = (order[np.searchsorted(ids, end, sorter=order).clip(max=nodes - 1)] for end in ends)
-        expect_found((ids[source] == ends[0]) & (ids[target] == ends[1]), *ends)
-        past = Broken(breaks.step[before], source, target)
-    expect_broken(past, step, nodes)
-    if system.moving_zone_operator is None:  # whose nodes are not known before it has gone back
-        system.operator.restore(checkpoint, past)
-    for prepared in system.coupled_runs:
-        start = _checkpoint_name_of_coupled_array(prepared.system, "")
-        coupled_checkpoint = {
-            name.removeprefix(start): values for name, values in checkpoint.items() if name.startswith(start)
-        }
-        restore_state(*prepared, step, coupled_checkpoint, Breaks(*np.zeros((3, 0), dtype=np.int64)))
-    system.stepper.restore(checkpoint, state, step, past)
-    if system.crack_growth is not None:
-        system.crack_growth.restore(checkpoint, past)
-    put_loads(system.drive, system.profile_time_or_load_factor(step))
 
 
 class HistoryUntilCheckpoint(NamedTuple):
@@ -159,72 +85,109 @@ class HistoryUntilCheckpoint(NamedTuple):
     past_results: Results | None = None  # so far; None: it begins
 
 
-def _make_physics_records(
-    system: System, state: State, history: HistoryUntilCheckpoint, energies_and_breaks: NodeEnergiesAndBreaks
-) -> PhysicsRecords:
-    """The records of a system from a step on."""
+def open_accounts(system: System, state: State, team: Team, history: HistoryUntilCheckpoint) -> Accounts:
+    """The accounts of a system from a step on."""
     if system.transport is not None:
         return MassAccounts(system.transport, state, history.checkpoint_step, history.past_results)
-    motion = MechanicsRecords(system, state, history.checkpoint_step, energies_and_breaks, history.past_results)
+    motion = EnergyAccounts(system, team, history.checkpoint_step, history.past_results)
     if not system.coupled_runs:
         return motion
-    return CoupledRecords(
-        motion,
-        tuple(
-            (_make_physics_records(*prepared, history, energies_and_breaks), prepared)
-            for prepared in system.coupled_runs
-        ),
-    )
+    return CoupledAccounts(motion, tuple(open_accounts(*run, team, history) for run in system.coupled_runs))
 
 
 class Recorder:
     """Records of a run since it last wrote: ledger, broken bonds, births and deaths."""
 
-    def __init__(
-        self, system: System, state: State, history: HistoryUntilCheckpoint | None, nodes_may_change: bool
-    ) -> None:
-        """`history` is None for a new run, and without results of one that begins after a step, with what broke before.
-
-        `nodes_may_change`: whether nodes may be born and die.
-        """
-        self.system, self.state, self.is_new = system, state, history is None or history.past_results is None
+    def __init__(self, system: System, state: State, history: HistoryUntilCheckpoint | None) -> None:
+        """`history` is None for a new run, and without results of one that begins after a step, with what broke
+        before."""
+        self.system, self.is_new = system, history is None or history.past_results is None
         history = history or HistoryUntilCheckpoint(0, 0.0, 0, 0, None, len(system.model.grid))
         self._past, self._began = history._replace(past_results=None), running_time()
-        self._changes, self._rows, self._count = nodes_may_change, history.rows_in_results, history.node_count_ever
+        self._rows, self._count = history.rows_in_results, history.node_count_ever
         # Until the last change of nodes, or where a run goes on
         self._updates, self._since = history.directed_bond_updates, history.checkpoint_step
         self._latest = history.last_break_step  # likewise
+        self._files: tuple[str, ...] = ()  # of all ranks, if each has one
         # Of clouds that are no more, or of before the run began
-        self._breaks: list[Breaks] = [list_breaks_since(system, 0)] if self.is_new else []
+        self._breaks: list[Breaks] = []
         self._epochs: list[Epoch] = []
         self.frame_step = self.step = history.checkpoint_step  # of the last frame; of the last entry
         self._kept = clock.perf_counter()
-        self._create_physics_records(history)
+        self.team = team_of(system, state)
+        if self.is_new and system.ranks is None:
+            self._breaks.append(list_breaks_since(system, 0))
+        self._beginning: tuple[Grid, int] | None = None  # the nodes and the bonds that are to be written
+        if self.is_new:
+            self._beginning = system.model.grid, system.directed_bond_count
+        else:
+            self.team.subdomain.initial_system = None
+        self.accounts = open_accounts(system, state, self.team, history)
 
-    def _create_physics_records(self, history: HistoryUntilCheckpoint) -> None:
-        """Open the records of the state that the run begins with."""
-        self.energies_and_breaks = compute_node_energies_and_breaks(self.system, self.state)
-        self.physics_records = _make_physics_records(self.system, self.state, history, self.energies_and_breaks)
+    @property
+    def state(self) -> State:
+        """The state of this rank's nodes; of none where the operator has it."""
+        subdomain: Subdomain = self.team.subdomain
+        return subdomain.state
 
-    def make_database_writer(self, initial_system: System, output: Path | None, meta: Mapping[str, Any]) -> Writer:
-        """The writer of a new database, of a run that begins with this system."""
-        return Writer.create(
-            output,
-            nodes_for_results(initial_system),
-            partial(initial_families_for_results, initial_system),
-            initial_system.model.grid.cracks,
-            meta,
-        )
+    def make_database_writer(self, output: Path | None, meta: Mapping[str, Any]) -> Writer:
+        """The writer of a new database of the nodes that the run began with."""
+        assert self._beginning is not None
+        team, (grid, bonds), batch = self.team, self._beginning, CHUNK if self.team.size == 1 else BATCH
+
+        @lru_cache(1)
+        def gather_batch(number: int) -> tuple[Nodes, Families]:
+            return frames.gather_nodes_and_families(team, number * batch, min((number + 1) * batch, len(grid)))
+
+        def read_nodes(first_row: int, end_row: int) -> Nodes:
+            begin = first_row // batch * batch
+            return taken(gather_batch(first_row // batch)[0], np.arange(first_row - begin, end_row - begin))
+
+        def read_families(first_row: int, end_row: int) -> Families:
+            begin, (start, target) = first_row // batch * batch, gather_batch(first_row // batch)[1]
+            start = start[first_row - begin : end_row - begin + 1]
+            return Families(start - start[0], target[start[0] : start[-1]])
+
+        births = Births(len(grid), grid.dimension, bonds, read_nodes, read_families)
+        if self._files:
+            meta = {**meta, pieces.KEY: json.dumps([pieces.Pieces(0, self._files)])}
+        writer = Writer.begin(output, births, grid.cracks, meta)
+        self._beginning = team.subdomain.initial_system = None  # which may be large, and of nodes that are no more
+        return writer
 
     def open_rank_databases(self, output: Path | None) -> None:
-        """Begin other databases beside `output`, where one is not enough."""
+        """Let each rank write a file of its own beside the index `output`, if there are so many nodes.
+
+        Databases of an earlier run are removed after all names are checked. Raises WriteError.
+        """
+        if self.system.writes_rank_databases and output is not None:
+            self._open_rank_database_set(output, 0)
+
+    def open_further_rank_databases(
+        self, output: Path, earlier_rank_databases: tuple[pieces.Pieces, ...]
+    ) -> tuple[str, ...]:
+        """Let each rank write another file beside the index `output` if it has earlier ones; returns their names."""
+        if earlier_rank_databases and self.system.ranks is not None:
+            self._open_rank_database_set(output, len(earlier_rank_databases))
+        return self._files
+
+    def _open_rank_database_set(self, output: Path, set_number: int) -> None:
+        real = Path(os.path.realpath(output))
+        self._files = pieces.files_of(real, set_number, self.team.size)
+        for name in self._files:
+            expect_piece(real.parent / name, real.name)
+        if set_number == 0:
+            remove(output)
+        self.team.everywhere(frames.open_rank_database, items=[str(real.parent / name) for name in self._files])
 
     def close_rank_databases(self) -> None:
-        """End the records."""
+        """Close the files of all ranks. Raises WriteError."""
+        if self._files:
+            self.team.everywhere(frames.close_rank_database)
 
     def has_more_fragments_than_bodies(self) -> bool:
         """Whether there are more pieces than bodies."""
-        return count_fragments(self.system) > count_initially_separate_bodies(self.system)
+        return count_fragments(self.team) > count_initially_separate_bodies(self.system)
 
     def wall_time(self) -> float:
         """Seconds spent on the run, including those before an interruption, without those of compiling kernels."""
@@ -242,33 +205,19 @@ class Recorder:
     @property
     def last_break_step(self) -> int:
         """Step of the last broken bond known at the last record; 0 without any."""
-        return int(self.energies_and_breaks.broken_bonds.step.max(initial=self._latest))
+        return max(self._latest, self.accounts.last_break_step)
 
     def advance(self, first_step: int, end_step: int) -> int:
         """Take the steps `first_step` to `end_step` - 1; with a moving fine zone there is no state until asked for.
 
         Returns the last step that is there: the one before, where a path ended as a step was taken back.
         """
-        if self.system.stepper.operator_has_state:
-            self.drop_state()
+        self.team.subdomain.drop_state()
         return self.system.stepper.advance(self.state, first_step, end_step)
-
-    def drop_state(self) -> None:
-        """Forget the state, which the operator of a moving fine zone has, and energies of nodes."""
-        self.state = zero_state(0, 2)
-        self.energies_and_breaks = self.energies_and_breaks._replace(
-            strain_energy_density=self.state.work, softening_energy_density=self.state.work
-        )
-
-    def _fetch_state(self) -> None:
-        """Bring the state up to the steps taken."""
-        self.system.stepper.synchronize()
-        if self.system.moving_zone_operator is not None and not len(self.state.value):
-            self.state = self.system.moving_zone_operator.state()
 
     def record_node_change(self, step: int, change: SystemAfterNodeChange) -> None:
         """Continue with the nodes changed after `step`, and record births and deaths."""
-        before, (system, self.state, origin) = self.system, change
+        before, (system, state, origin) = self.system, change
         stay, ids = np.flatnonzero(origin >= 0), system.model.grid.ids
         if system.time_step != before.time_step or (ids[stay] != before.model.grid.ids[origin[stay]]).any():
             raise ValueError(f"step {step}: the time step or the ids of nodes that stay have changed; keep them")
@@ -281,13 +230,15 @@ class Recorder:
         self._latest = int(broken.step.max(initial=self._latest))
         self.system = dataclasses.replace(
             system,
+            regridder=before.regridder,
             initial_energy=before.initial_energy,
             broken_bonds_of_removed_nodes=before.broken_bonds_of_removed_nodes
             + len(broken.step)
             - len(broken_after.step),
         )
+        self.team.subdomain.follow(self.system, state)
         del before  # which nothing holds any more: a large one is not to stand beside the new one for long
-        self.physics_records.switch_system(self.system)
+        self.accounts.follow(self.system)
         previous_rows = np.arange(self._count) if self._rows is None else self._rows
         new, rows = np.flatnonzero(origin < 0), np.zeros(len(origin), dtype=np.int64)
         rows[stay], rows[new] = previous_rows[origin[stay]], self._count + np.arange(len(new))
@@ -307,20 +258,14 @@ class Recorder:
     def evaluate_balance(self, step: int) -> None:
         """Bring the last ledger row to this step, if they are not there yet."""
         if step != self.step:
-            energies_and_breaks = self._update_energies_and_breaks(step)
-            self.physics_records.evaluate_balance(self.state, step, energies_and_breaks)
+            self.accounts.evaluate(step)
+            self.step = step
 
     def record_step(self, step: int) -> None:
         """Record this step. Raises UnstableError."""
-        energies_and_breaks = self._update_energies_and_breaks(step)
-        self.physics_records.record_step(self.state, step, energies_and_breaks)
-
-    def _update_energies_and_breaks(self, step: int) -> NodeEnergiesAndBreaks:
-        """What the operator says of the state after this step, asked once."""
-        self._fetch_state()
-        if step != self.step:
-            self.energies_and_breaks, self.step = compute_node_energies_and_breaks(self.system, self.state), step
-        return self.energies_and_breaks
+        self.team.subdomain.synchronize()
+        self.accounts.record(step)
+        self.step = step
 
     def make_frame(self, step: int, with_fields: bool, with_checkpoint: bool) -> FrameRecord:
         """All records since the last frame, for writing.
@@ -328,44 +273,80 @@ class Recorder:
         `with_fields` adds the fields, after a recorded step; `with_checkpoint` adds a checkpoint now, otherwise only
         when it is due.
         """
-        system = self.system
-        self._fetch_state()
+        system, growth = self.system, self.system.crack_growth
         with_checkpoint |= clock.perf_counter() - self._kept > KEPT
         if with_checkpoint:
             self._kept = clock.perf_counter()
-        energies_and_breaks = self.energies_and_breaks if self.step == step else None
-        field_values = {}
-        if with_fields:
-            names = system.requested_model.settings.run.fields
-            field_values = {
-                name: of.astype("<f4")
-                for name, of in compute_output_fields(system, self.state, names, energies_and_breaks).items()
-            }
-        if system.stepper.operator_has_state:
-            self.drop_state()
-        checkpoint_arrays = make_checkpoint(system, self.state) if with_checkpoint else None
-        if checkpoint_arrays is not None and self._changes:
-            checkpoint_arrays |= checkpoint_node_ids_and_broken_bonds(system)
-        broken = [
-            *self._breaks,
-            list_breaks_since(
-                system, max(self.frame_step, self._since), energies_and_breaks and energies_and_breaks.broken_bonds
-            ),
-        ]
+        names = system.requested_model.settings.run.fields if with_fields else None
+        request = frames.FrameRequest(step, max(self.frame_step, self._since), names, with_checkpoint)
+        gathered = frames.gather_frame(self.team, request)
         frame = FrameRecord(
             step=step,
             time=step * system.time_step,
-            fields=field_values if with_fields else None,
-            breaks=Breaks(*map(np.concatenate, zip(*broken, strict=True))),
+            fields=gathered.fields if with_fields else None,  # none of them where each rank has a file
+            breaks=Breaks(*map(np.concatenate, zip(*self._breaks, gathered.breaks, strict=True))),
             ledger=(),
             probes=(),
-            checkpoint=checkpoint_arrays,
+            checkpoint=gathered.checkpoint if with_checkpoint else None,
             wall_time=self.wall_time(),
             epochs=self._epochs,
             rows=self._rows,
-            particles=()
-            if system.crack_growth is None
-            else system.crack_growth.rows(-1 if self.is_new and step == 0 else self.frame_step),
+            particles=() if growth is None else growth.rows(-1 if self.is_new and step == 0 else self.frame_step),
+            ready=partial(wait_until_all_ranks_wrote_frame, self.team) if self._files else None,
         )
         self.frame_step, self._breaks, self._epochs = step, [], []
-        return self.physics_records.move_records_into(frame)
+        return self.accounts.move_rows_into(frame)
+
+    def metadata(self, provenance: str) -> dict[str, Any]:
+        """Metadata of a run, known from its start."""
+        system = self.system
+        return {
+            "program": f"pdsolve {VERSION}",
+            "provenance": provenance,
+            "units": "SI, per unit thickness" if system.model.grid.dimension == 2 else "SI",
+            "dimension": system.model.grid.dimension,
+            "numpy": np.__version__,
+            "numba": numba.__version__,
+            "processor": processor_kind(),
+            "mode": system.options.mode,
+            "precision": system.options.precision,
+            "threads": system.thread_count,
+            "kernel": system.operator.name,
+            "device": system.stepper.device_name,
+            "time_step": system.time_step,
+            "stable_time_step": system.stable_time_step,
+            "model": system.requested_model.to_json(),
+            **self.accounts.metadata(),
+        }
+
+    def summary(self, step: int, stopped_early: bool) -> dict[str, Any]:
+        """Results of a run for its summary."""
+        system, wall = self.system, self.wall_time()
+        results: dict[str, Any] = {
+            "nodes": len(system.model.grid),
+            "bonds": pair_count(system.directed_bond_count),
+            "steps": step,
+            "time": step * system.time_step,
+            "time_step": system.time_step,
+            "stable_time_step": system.stable_time_step if np.isfinite(system.stable_time_step) else None,
+            "mode": system.options.mode,
+            "precision": system.options.precision,
+            "threads": system.thread_count,
+            "kernel": system.operator.name,
+            "device": system.stepper.device_name,
+            "wall_time": wall,
+            "bond_updates_per_second": self.count_bond_updates(step) / wall if wall > 0 else 0.0,
+            "stopped": system.model.settings.run.until if stopped_early else None,
+            **self.accounts.summary(),
+        }
+        if system.contact is not None:  # N/m^5, in space N/m^7; heat, J/m, of a body J
+            contact = system.contact
+            results["contact"] = {"stiffness": contact.stiffness, "friction": contact.friction(self.state)}
+        if system.crack_growth is not None:
+            results |= {"particles": len(system.crack_growth.particles.place), "remarks": system.crack_growth.remarks}
+        zone_summary = system.zone_summary
+        if zone_summary is not None and system.regridder is not None:
+            results |= system.regridder.summary(zone_summary)
+        elif zone_summary is not None:
+            results["hybrid"] = zone_summary._asdict()
+        return results | system.stepper.summary()

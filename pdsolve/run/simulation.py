@@ -10,12 +10,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from pdmesh import stopping
 from pdmesh.files import FilePath
 from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity, error_of_too_late_fine_zone
-from pdsolve.checks import warn_of_model, warn_of_unused
+from pdsolve.checks import warn_of_doubtful_conditions, warn_of_model, warn_of_unused
 from pdsolve.codegen.compile_time import compile_seconds, processor_kind, running_time
 from pdsolve.conditions import has_initial_displacement
 from pdsolve.errors import FineZoneTooLateError, UnstableError
@@ -23,25 +21,20 @@ from pdsolve.model import Model, model_of, on_device
 from pdsolve.numerics.memory import give_back
 from pdsolve.numerics.team import Team
 from pdsolve.options import Options
-from pdsolve.results import Behind, Results, ResultsError, Writer, behind, gone_back, is_empty, put_away, writing_to
-from pdsolve.run import zone_restarts
+from pdsolve.results import Behind, Results, ResultsError, Writer, behind, is_empty, put_away, writing_to
+from pdsolve.run import resuming, zone_restarts
 from pdsolve.run.after_path import (
     needs_motion_after_path,
     prepare_motion_after_equilibrium_path,
     results_file_of_motion_after_equilibrium_path,
 )
 from pdsolve.run.coarse_breaks import warn_of_broken_bonds_outside_finest_zone
-from pdsolve.run.doubtful_conditions import warn_of_doubtful_conditions
 from pdsolve.run.initial_displacements import apply_initial_displacements
 from pdsolve.run.narrow_contact import warn_of_unresolved_contact_width
-from pdsolve.run.node_changes import NodeAdaptation, create_system_if_zone_changed, create_system_with_checkpoint_zone
-from pdsolve.run.on_ranks import resuming
-from pdsolve.run.on_ranks import start as on_ranks
-from pdsolve.run.on_ranks.recorder import RecorderOnRanks
+from pdsolve.run.node_changes import Regridder, create_system_if_zone_changed
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import HistoryUntilCheckpoint, Recorder, restore_state
+from pdsolve.run.recorder import HistoryUntilCheckpoint, Recorder
 from pdsolve.run.static_start import start_in_static_equilibrium
-from pdsolve.run.summary import run_metadata, run_summary
 from pdsolve.run.system import System
 from pdsolve.run.zone_restarts import RefinementThresholdFromStep
 from pdsolve.state import State
@@ -78,7 +71,7 @@ class RunRequest(NamedTuple):
     output: Path | None
     watcher: Watcher | None
     provenance: str = ""
-    adaptation: NodeAdaptation | None = None
+    adaptation: Regridder | None = None
     thread_count: int | None = None
     team: Team | None = None
     device: str | None = None
@@ -92,7 +85,7 @@ def simulate(
     options: Options = DEFAULT,
     watch: Watcher | None = None,
     provenance: str = "",
-    adapt: NodeAdaptation | None = None,
+    adapt: Regridder | None = None,
 ) -> Results:
     """Solve a model; the results are in the file `output`, or in memory if None.
 
@@ -148,10 +141,7 @@ def _prepare_new_recorder(model: Model, options: Options, request: RunRequest) -
     """The records of a run that begins, which alone keep its system and its state."""
     # A run that goes back was saved before: to stop loses nothing
     with stopping.patience(stopping.AT_ONCE) if request.refinement_thresholds else nullcontext():
-        if options.team is None or model.diffuses:
-            prepared = prepare(model, options)
-        else:
-            prepared = on_ranks.prepare_run_on_ranks(model, options, options.team)
+        prepared = prepare(model, options)
     if has_initial_displacement(model):
         prepared = apply_initial_displacements(prepared)
     system, state = start_in_static_equilibrium(prepared) if model.settings.run.start == "static" else prepared
@@ -164,10 +154,8 @@ def _prepare_new_recorder(model: Model, options: Options, request: RunRequest) -
 
 def _make_new_recorder(system: System, state: State, request: RunRequest) -> tuple[Recorder, RunRequest]:
     """The records of a run that begins, of all ranks if there are many."""
-    request = request._replace(adaptation=request.adaptation or system.regridder)
-    if isinstance(system, on_ranks.SystemOnRanks):
-        return RecorderOnRanks(system, state, None), request
-    return Recorder(system, state, None, _nodes_may_change(system, request.adaptation)), request
+    system = dataclasses.replace(system, regridder=request.adaptation or system.regridder)
+    return Recorder(system, state, None), request
 
 
 def run(
@@ -176,7 +164,7 @@ def run(
     output: Path | None = None,
     watch: Watcher | None = None,
     provenance: str = "",
-    adapt: NodeAdaptation | None = None,
+    adapt: Regridder | None = None,
 ) -> Results:
     """Solve a prepared model; arguments are those of `simulate`. Raises UnstableError, ResultsError."""
     with _lock_output(output):
@@ -190,15 +178,12 @@ def run(
 def _solve_new_run(recorder: Recorder, request: RunRequest) -> Results:
     """Solve a new run from the state of its records."""
     recorder.open_rank_databases(request.output)
-    start = [recorder.system]  # whose nodes may have changed when the writer is made
 
     def make_new_writer() -> Writer:
-        metadata = run_metadata(recorder, request.provenance)
+        metadata = recorder.metadata(request.provenance)
         if request.refinement_thresholds:
             metadata |= zone_restarts.refinement_threshold_metadata(request.refinement_thresholds)
-        writer = recorder.make_database_writer(start[0], request.output, metadata)
-        start.clear()
-        return writer
+        return recorder.make_database_writer(request.output, metadata)
 
     return _advance_to_end_and_close_results(recorder, make_new_writer, request)
 
@@ -217,21 +202,16 @@ def _solve_motion_after_equilibrium_path_if_asked(
     with _lock_output(target):
         past = HistoryUntilCheckpoint(step, 0.0, 0, 0, None, len(system.model.grid))
         return _solve_new_run(
-            Recorder(system, state, past, False),
+            Recorder(system, state, past),
             RunRequest(target, watch, provenance, previous_compile_seconds=compile_seconds()),
         )
-
-
-def _nodes_may_change(system: System, adaptation: NodeAdaptation | None) -> bool:
-    """Whether nodes may be born and die."""
-    return adaptation is not None or system.moving_zone_operator is not None
 
 
 def resume(
     output: FilePath,
     threads: int | None = None,
     watch: Watcher | None = None,
-    adapt: NodeAdaptation | None = None,
+    adapt: Regridder | None = None,
     team: Team | None = None,
     device: str | None = None,
 ) -> Results:
@@ -309,58 +289,17 @@ def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
         if not results.has_checkpoint():
             results.close()
             return _solve_with_restarts(model, options, request)
-        if request.team is not None and not model.diffuses:
-            ranked = resuming.make_resumed_recorder(results, model, options, meta)
-            make = partial(Writer.reopen, output, ranked.open_further_rank_databases(output, results.pieces))
-            results.close()
-            return _advance_to_end_and_close_results(ranked, make, request)
-        initial_nodes, (step, checkpoint) = results.nodes(0), results.checkpoint()
-        with stopping.patience(stopping.AT_ONCE):
-            system, state = prepare(model, options)
-        if system.moving_zone_operator is None and not checkpoint.keys() >= set(State._fields):
-            raise ResultsError(f"{output} has a checkpoint that only {meta['program']} reads; solve it anew")
-        adapt = request.adaptation or system.regridder
-        same = float(meta["time_step"]) == system.time_step and np.array_equal(
-            initial_nodes.family, system.family_sizes
-        )
-        if not same or not np.array_equal(initial_nodes.cut, system.family_sizes - system.initial_bond_counts):
-            raise resuming.make_changed_bonds_or_time_step_error(output, meta, system)
-        before = (breaks := results.breaks().step)[breaks <= step]
-        wall, latest = float(meta.get("wall_time", 0.0)), int(before.max(initial=0))
-        updates, node_count = results.bond_updates(step), len(initial_nodes.ids)
-        past = HistoryUntilCheckpoint(step, wall, updates, latest, None, node_count, results)
-        if _nodes_may_change(system, adapt) != ("ids" in checkpoint):
-            words = ("stay", "may change") if adapt is not None else ("may change", "stay")
-            raise ResultsError(f"{output}: its nodes {words[0]}, and here they {words[1]}; resume it as it began")
-        if _nodes_may_change(system, adapt):
-            with gone_back(output):
-                system, state = (
-                    create_system_with_checkpoint_zone(system, checkpoint)
-                    if adapt is None
-                    else adapt.create_system_with_checkpoint_nodes(system, checkpoint)
-                )
-            lives = results.lives()
-            rows = lives.at(system.model.grid.ids, step)
-            if not np.array_equal(lives.nodes.family[rows], system.family_sizes) or (rows < 0).any():
-                raise ResultsError(f"{output} has other nodes than this version's at step {step}; solve it anew")
-            past = past._replace(rows_in_results=rows, node_count_ever=int((lives.birth <= step).sum()))
-        with gone_back(output):
-            resuming.expect_step_within_run(step, model)
-            restore_state(system, state, step, checkpoint, results.breaks())
-        broken = len(before) - len(system.operator.broken().step)
-        energy = float(meta.get("initial_energy", 0.0))  # results of diffusion have none
-        system = dataclasses.replace(system, broken_bonds_of_removed_nodes=broken, initial_energy=energy)
-        with gone_back(output):
-            recorder = Recorder(system, state, past, _nodes_may_change(system, adapt))
-    reopen = partial(_reopen_writer_at_checkpoint, output, request.refinement_thresholds)
-    return _advance_to_end_and_close_results(recorder, reopen, request._replace(adaptation=adapt))
+        recorder = resuming.make_resumed_recorder(results, model, options, request.adaptation)
+        files = recorder.open_further_rank_databases(output, results.pieces)
+    reopen = partial(_reopen_writer_at_checkpoint, output, request.refinement_thresholds, files)
+    return _advance_to_end_and_close_results(recorder, reopen, request)
 
 
 def _reopen_writer_at_checkpoint(
-    output: Path, refinement_thresholds: tuple[RefinementThresholdFromStep, ...]
+    output: Path, refinement_thresholds: tuple[RefinementThresholdFromStep, ...], files: tuple[str, ...]
 ) -> Writer:
-    """The writer of a run that is continued."""
-    writer = Writer.reopen(output)
+    """The writer of a run that is continued, whose ranks go on with these `files`."""
+    writer = Writer.reopen(output, files)
     writer.write_meta(
         zone_restarts.refinement_threshold_metadata(refinement_thresholds) | {"processor": processor_kind()}
     )
@@ -415,7 +354,7 @@ class StepBatchTimer:
         return step_count * self._each < 3 * BATCH_TIME
 
 
-def change_nodes_if_due_and_find_next_step(recorder: Recorder, adaptation: NodeAdaptation, step: int) -> int:
+def change_nodes_if_due_and_find_next_step(recorder: Recorder, adaptation: Regridder, step: int) -> int:
     """Let nodes change that are due after `step`; returns the step of the next look."""
     change = (
         adaptation.change_nodes(recorder.system, recorder.state, step)
@@ -455,7 +394,7 @@ def next_multiple(step: int, interval: int) -> int:
 
 def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> str:
     """Step to the end, from event to event; returns "finished" or "interrupted"."""
-    watch, adapt = request.watcher, request.adaptation
+    watch, adapt = request.watcher, recorder.system.regridder
     run, step = recorder.system.model.settings.run, recorder.frame_step
     interrupted, done, looked, pace = False, False, step, StepBatchTimer(recorder.system.directed_bond_count)
 
@@ -505,18 +444,20 @@ def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> 
             writer.write(partial(recorder.make_frame, step, with_fields, with_checkpoint))
     recorder.evaluate_balance(step)
     compiled = {"compile_time": compile_seconds() - request.previous_compile_seconds}
-    writer.done().write_meta({"summary": json.dumps(run_summary(recorder, step, done) | compiled)})
-    recorder.physics_records.warn_at_end()
+    writer.done().write_meta({"summary": json.dumps(recorder.summary(step, done) | compiled)})
+    recorder.accounts.warn_at_end()
     recorder.close_rank_databases()
     return "finished" if done or step == run.steps else "interrupted"
 
 
 def _make_progress(recorder: Recorder, step: int, load_step_progress: LoadStepProgress | None = None) -> Progress:
     """Data for a progress display after `step`, or within a load step `load_step_progress`."""
-    records, steps = recorder.physics_records, recorder.system.model.settings.run.steps
-    broken = (load_step_progress or records).broken_directed_bond_count
-    words = ", ".join(filter(None, [recorder.system.stepper.progress_text(), records.progress_text(broken)]))
-    return Progress(step, steps, broken, records.balance_error, words, recorder.system.zone_summary, load_step_progress)
+    accounts, steps = recorder.accounts, recorder.system.model.settings.run.steps
+    broken = (load_step_progress or accounts).broken_directed_bond_count
+    words = ", ".join(filter(None, [recorder.system.stepper.progress_text(), accounts.progress_text(broken)]))
+    return Progress(
+        step, steps, broken, accounts.balance_error, words, recorder.system.zone_summary, load_step_progress
+    )
 
 
 def _can_stop_before_next_balance_row(system: System, step: int, balance_row_is_soon: bool) -> bool:

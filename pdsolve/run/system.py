@@ -12,10 +12,11 @@ from pdsolve.conditions import Drive
 from pdsolve.diffusion.system import Transport
 from pdsolve.lattice.operator import BlockLattice
 from pdsolve.model import Model, counted
+from pdsolve.numerics.team import Team
 from pdsolve.operators.contact.operator import PenaltyContact
 from pdsolve.operators.protocol import Operator
 from pdsolve.options import Options, threads_of
-from pdsolve.run.operator_factory import unwrap_bond_operator
+from pdsolve.ranks.slabs import Slab
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.stepper import Stepper
@@ -25,6 +26,15 @@ if TYPE_CHECKING:
     from pdsolve.adaptivity.factory import MovingZoneOperator
     from pdsolve.crack_growth.growth import Growth
     from pdsolve.run.node_changes import Regridder
+
+
+class Ranks(NamedTuple):
+    """The ranks that share the nodes of a run, and what rank 0 knows of all of them."""
+
+    team: Team
+    slabs: tuple[Slab, ...]
+    directed_bond_count: int  # at the start
+    unbonded_node_rows: NDArray[np.int64]  # (k,) at the start
 
 
 @dataclass(frozen=True)
@@ -50,6 +60,7 @@ class System:
     moving_zone_operator: MovingZoneOperator | None = None  # the operator, if it has the state and an energy ledger
     regridder: Regridder | None = None  # what changes the nodes between steps
     coupled_runs: tuple[PreparedRun, ...] = ()  # other unknowns of the same nodes, which the stepper marches too
+    ranks: Ranks | None = None  # of which `operator` and what goes by nodes are those of rank 0; None: one process
     broken_bonds_of_removed_nodes: int = (
         0  # directed bonds that broke and are none of the operator's: of nodes that are gone
     )
@@ -58,11 +69,6 @@ class System:
     def requested_model(self) -> Model:
         """The model as given, with all conditions."""
         return self.full_model or self.model
-
-    @property
-    def kernel_name(self) -> str:
-        """The kernel that sums the forces of bonds, by name."""
-        return unwrap_bond_operator(self.operator).name
 
     @property
     def zone_summary(self) -> ZoneSummary | None:
@@ -84,17 +90,17 @@ class System:
     @property
     def writes_rank_databases(self) -> bool:
         """Whether each rank writes a database of its own, as there are so many nodes."""
-        return self.options.team is not None and len(self.model.grid) > self.options.one_file
+        return self.ranks is not None and len(self.model.grid) > self.options.one_file
 
     @property
     def unbonded_node_rows(self) -> NDArray[np.int64]:
         """Rows (k,) of the nodes without a bond at the start."""
-        return np.flatnonzero(self.initial_bond_counts == 0)
+        return np.flatnonzero(self.initial_bond_counts == 0) if self.ranks is None else self.ranks.unbonded_node_rows
 
     @property
     def directed_bond_count(self) -> int:
         """Number of directed bonds at the start."""
-        return int(self.initial_bond_counts.sum())
+        return int(self.initial_bond_counts.sum()) if self.ranks is None else self.ranks.directed_bond_count
 
 
 class PreparedRun(NamedTuple):
@@ -122,3 +128,8 @@ def system_with_moved_zone(system: System, zone_operator: MovingZoneOperator) ->
         family_sizes=family,
         initial_bond_counts=count,
     )
+
+
+def nodes_may_change(system: System) -> bool:
+    """Whether nodes may be born and die."""
+    return system.regridder is not None or system.moving_zone_operator is not None

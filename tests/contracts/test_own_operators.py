@@ -17,8 +17,10 @@ from pdsolve.conditions import drive_of, entries
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.together import Together
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage, count_fragments
+from pdsolve.run.fragments import count_fragments
+from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
 from pdsolve.run.prepare import prepare
+from pdsolve.run.subdomain import team_of
 from pdsolve.run.system import PreparedRun
 from pdsolve.state import Broken, State, Unknown
 from pdsolve.steppers.euler import ForwardEuler
@@ -193,7 +195,7 @@ def test_measures_take_two_operators_for_one(kernel: str) -> None:
     assert end.kinetic + end.strain + end.dissipated == pytest.approx(
         start.kinetic, rel=0.02
     )  # measured 1e-2, Verlet's own
-    assert (compute_node_damage(system).max(), count_fragments(system)) == (0, 1)
+    assert (compute_node_damage(system).max(), count_fragments(team_of(*prepared))) == (0, 1)
     K = system.operator.tangent(state._replace(value=np.zeros_like(state.value))).toarray()
     largest = float(np.abs(np.linalg.eigvals(K)).max())
     assert 1 < largest / system.operator.stiffness_bound().max() <= 2  # measured 1.55

@@ -17,7 +17,7 @@ from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.results import Breaks
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import restore_state
+from pdsolve.run.subdomain import restore_state
 from pdsolve.run.system import PreparedRun
 
 ORDINARY = Material(E=65e9, rho=2235.0, G0=204.0, nu=0.2, model="ordinary")

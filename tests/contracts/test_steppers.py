@@ -10,7 +10,8 @@ import pytest
 from benchmarks.kinds_of_run import KINDS
 from pdsolve.run import simulation
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import list_breaks_since, make_checkpoint, restore_state
+from pdsolve.run.recorder import list_breaks_since
+from pdsolve.run.subdomain import make_checkpoint, restore_state
 from pdsolve.run.system import PreparedRun
 from pdsolve.state import State
 

@@ -223,7 +223,7 @@ class Careless(Moving):
     """Forgets those whose bonds are others now."""
 
     def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
-        """As in `NodeAdaptation`."""
+        """As in `Regridder`."""
         found, known = super().change_nodes(system, state, step), system.model.grid.ids.tolist()
         if found is None:
             return None
@@ -244,7 +244,7 @@ class Hasty(Moving):
     """Takes another time step."""
 
     def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
-        """As in `NodeAdaptation`."""
+        """As in `Regridder`."""
         found = super().change_nodes(system, state, step)
         return found and found._replace(system=dataclasses.replace(found.system, time_step=1e-9))
 

@@ -19,9 +19,13 @@ from pdmesh.model.node_grid import Bodies, Grid
 from pdsolve import Results
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.contact.at_rest import RestingContact
-from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
+from pdsolve.run.measures import (
+    EnergyBalanceRow,
+    compute_condition_forces,
+    compute_energy_balance_row,
+    list_force_conditions_with_nodes,
+)
 from pdsolve.run.prepare import prepare
-from pdsolve.run.reactions import compute_condition_forces, list_force_conditions_with_nodes
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.run.system import PreparedRun
 

@@ -12,10 +12,11 @@ from plates import GLASS, plate, square_grid
 
 from pdmesh.model.document import Load, Run
 from pdsolve.model import Model
+from pdsolve.operators.together import unwrap_bond_operator
 from pdsolve.options import Options
+from pdsolve.run.assembly import compute_stable_time_step_of_intact_bonds
+from pdsolve.run.energy_accounts import instability_message
 from pdsolve.run.measures import compute_energy_balance_row
-from pdsolve.run.mechanics_records import instability_message
-from pdsolve.run.operator_factory import compute_stable_time_step_of_intact_bonds, unwrap_bond_operator
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 

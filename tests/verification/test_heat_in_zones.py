@@ -228,7 +228,7 @@ def test_auto_takes_fine_nodes_and_a_plan_knows_the_zone(small: Model) -> None:
     run = msgspec.structs.replace(small.settings.run, adapt="auto")
     auto = Model(small.grid, msgspec.structs.replace(small.settings, run=run))
     with pytest.warns(ModelWarning, match="swells by a content"):
-        assert prepare(auto, ONE).system.kernel_name == "blocks"
+        assert prepare(auto, ONE).system.operator.name == "blocks"
     plan = estimate_run(small, ONE)
     assert plan.uses_block_kernels
     assert plan.node_count_if_all_fine is not None

@@ -16,9 +16,9 @@ from shapely import Point
 
 from pdmesh import Run, Scene, box, build
 from pdmesh.model.document import InitialVelocity, RigidBody
+from pdsolve.checks import warn_of_doubtful_conditions
 from pdsolve.model import Model, ModelNote
 from pdsolve.options import Options
-from pdsolve.run.doubtful_conditions import warn_of_doubtful_conditions
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 

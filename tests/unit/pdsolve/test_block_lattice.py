@@ -24,8 +24,9 @@ from pdsolve.numerics import thread_team
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import list_breaks_since, restore_state
+from pdsolve.run.recorder import list_breaks_since
 from pdsolve.run.simulation import simulate
+from pdsolve.run.subdomain import restore_state
 from pdsolve.run.system import PreparedRun
 
 SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)

@@ -18,9 +18,13 @@ from pdmesh.model.node_grid import grid_of
 from pdsolve.model import Model
 from pdsolve.operators.contact.operator import pair_stiffness
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
+from pdsolve.run.measures import (
+    compute_condition_forces,
+    compute_energy_balance_row,
+    compute_node_damage,
+    list_force_conditions_with_nodes,
+)
 from pdsolve.run.prepare import prepare
-from pdsolve.run.reactions import compute_condition_forces, list_force_conditions_with_nodes
 from pdsolve.run.system import PreparedRun
 
 UNIT = Material(E=1.0, rho=1.0, G0=1e9, plane="space")

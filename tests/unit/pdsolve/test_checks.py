@@ -19,8 +19,8 @@ from pdmesh.model.node_grid import Grid, whole_lattice
 from pdsolve.checks import closing, nearest, refuse_numbers, warn_of_missing_dissipation, warn_of_model
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
+from pdsolve.run.energy_accounts import EnergyAccounts
 from pdsolve.run.inversion_checks import InversionAndPrecisionChecks
-from pdsolve.run.mechanics_records import MechanicsRecords
 from pdsolve.run.plastic_checks import warn_if_plastic_strain_is_large
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
@@ -167,7 +167,7 @@ def test_bonds_are_not_blamed_for_energy_that_contact_or_a_zone_may_have_made() 
 @pytest.mark.parametrize(("changed", "symmetric", "told"), [(False, True, 1), (True, True, 0), (False, False, 0)])
 def test_a_run_says_that_its_bonds_took_too_little(changed: bool, symmetric: bool, told: int) -> None:
     """Where the balance is that of the bonds alone: of 1 J/m that is booked, motion has lost 0.7."""
-    accounts, scheme = object.__new__(MechanicsRecords), SimpleNamespace(symmetric=symmetric, name="conservative")
+    accounts, scheme = object.__new__(EnergyAccounts), SimpleNamespace(symmetric=symmetric, name="conservative")
     system = SimpleNamespace(model=plate(square_grid(9, 8)), scheme=scheme, initial_energy=0.0)
     nothing = dict.fromkeys(("damped", "friction", "refinement"), 0.0)
     last = SimpleNamespace(dissipated=1.0, balance_error=lambda *_: 0.3, energy_scale=lambda *_: 1.0, **nothing)

@@ -23,9 +23,9 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.values_of_place import Table
 from pdmesh.scene.shapes import SceneError
+from pdsolve.checks import warn_of_doubtful_conditions
 from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model, ModelError, read_model
-from pdsolve.run.doubtful_conditions import warn_of_doubtful_conditions
 from pdsolve.run.initial_displacements import apply_initial_displacements
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options

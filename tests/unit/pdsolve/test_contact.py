@@ -21,9 +21,13 @@ from pdsolve.model import Model, ModelError, read_model
 from pdsolve.operators.contact.kernel import ease
 from pdsolve.operators.contact.operator import pair_stiffness, touch_bound
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
+from pdsolve.run.measures import (
+    compute_condition_forces,
+    compute_energy_balance_row,
+    compute_node_damage,
+    list_force_conditions_with_nodes,
+)
 from pdsolve.run.prepare import prepare
-from pdsolve.run.reactions import compute_condition_forces, list_force_conditions_with_nodes
 from pdsolve.run.simulation import resume
 from pdsolve.run.system import PreparedRun
 from pdsolve.state import State

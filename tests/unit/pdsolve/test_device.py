@@ -21,7 +21,7 @@ from pdsolve.lattice.family_blocks import FamiliesInBlocks
 from pdsolve.lattice.family_tiles import FamiliesInTiles
 from pdsolve.model import Model, on_device
 from pdsolve.results import Results
-from pdsolve.run import operator_factory
+from pdsolve.run import assembly
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.run.system import PreparedRun
@@ -283,7 +283,7 @@ def test_ordinary_bodies(layout: type, how: str, precision: str, monkeypatch: py
     """In tiles, and in blocks, where there are no tiles; some bonds break under loads."""
     model = bar({"model": "ordinary", "nu": 0.3}, **BENT[how])
     if layout is FamiliesInBlocks:
-        monkeypatch.setattr(operator_factory.family_tiles, "placed", lambda *of: None)
+        monkeypatch.setattr(assembly.family_tiles, "placed", lambda *of: None)
     problems = two(model, "conservative", precision)
     assert isinstance(problems[1].system.operator, FamiliesOnDevice)
     assert isinstance(problems[1].system.operator.layout, layout)

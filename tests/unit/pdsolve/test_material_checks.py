@@ -21,7 +21,7 @@ from pdsolve.laws.bond_limits import Limits, Sizes
 from pdsolve.laws.law import Pair, Softening
 from pdsolve.laws.material_checks import negative_secant, remarks
 from pdsolve.model import ModelError
-from pdsolve.run.mechanics_records import instability_message
+from pdsolve.run.energy_accounts import instability_message
 
 
 def test_E_in_GPa_is_noticed() -> None:

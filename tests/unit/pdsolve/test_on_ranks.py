@@ -103,7 +103,7 @@ def test_a_run_that_is_not_stable_says_the_same_on_a_rank(alone: Team, tmp_path:
 
 
 def test_the_nodes_of_another_model_are_not_gone_on_with(alone: Team, tmp_path: Path) -> None:
-    from pdsolve.run.on_ranks import resuming, start
+    from pdsolve.run import ranks_start, resuming
 
     simulate(torn(steps=20, until=None), tmp_path / "one").close()
     with Results.open(tmp_path / "one") as results:
@@ -111,8 +111,8 @@ def test_the_nodes_of_another_model_are_not_gone_on_with(alone: Team, tmp_path: 
             model = torn(steps=20, until=None)
             if not cracked:
                 model = Model(dataclasses.replace(model.grid, cracks=np.empty((0, 4))), model.settings)
-            system = start.prepare_run_on_ranks(model, Options(), alone).system
-            assert resuming.has_same_family_sizes(system, results) == cracked
+            prepared = ranks_start.prepare_run_on_ranks(model, Options(), alone)
+            assert resuming.has_same_bonds(*prepared, results) == cracked
 
 
 @pytest.mark.parametrize(

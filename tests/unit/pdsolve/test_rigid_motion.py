@@ -18,9 +18,8 @@ from pdmesh.model.document import Displacement, Load, RigidBody, Run, Velocity
 from pdsolve import Results, simulate
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
+from pdsolve.run.measures import compute_condition_forces, compute_energy_balance_row, list_force_conditions_with_nodes
 from pdsolve.run.prepare import prepare
-from pdsolve.run.reactions import compute_condition_forces, list_force_conditions_with_nodes
 from pdsolve.run.simulation import resume
 from pdsolve.run.system import PreparedRun
 

@@ -18,12 +18,15 @@ from tampered_databases import tampered
 
 from pdmesh.model.bond_counts import pair_count
 from pdmesh.model.document import Run
+from pdmesh.model.output_fields import CRACKED
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Breaks, Results, ResultsError
 from pdsolve.run.estimate import estimate_run
-from pdsolve.run.measures import CRACKED, compute_node_damage, count_fragments
-from pdsolve.run.recorder import list_breaks_since, restore_state
+from pdsolve.run.fragments import count_fragments
+from pdsolve.run.measures import compute_node_damage
+from pdsolve.run.recorder import list_breaks_since
 from pdsolve.run.simulation import Options, Progress, UnstableError, prepare, resume, simulate
+from pdsolve.run.subdomain import restore_state, team_of
 
 
 def with_run(model: Model, **run: object) -> Model:
@@ -166,7 +169,9 @@ def test_a_checkpoint_of_another_version_is_refused(small_plate: Model, tmp_path
     """One that has other names for what it holds, as before there were states."""
     path = tmp_path / "old.sqlite"
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pdsolve.run.recorder.make_checkpoint", lambda system, state: {"u": state.value, "v": state.rate})
+        patch.setattr(
+            "pdsolve.run.subdomain.make_checkpoint", lambda system, state: {"u": state.value, "v": state.rate}
+        )
         simulate(small_plate, path, watch=lambda progress: progress.step >= 20).close()
     before = path.read_bytes()
     with pytest.raises(ResultsError, match=naming("old.sqlite", found=("checkpoint", "pdsolve"), expected="anew")):
@@ -222,7 +227,7 @@ def test_pieces_are_not_joined_by_cracked_nodes(kernel: str) -> None:
     source, target = np.repeat(np.arange(len(column)), np.diff(bonds.start)), bonds.neighbour
     between = np.abs(column - 10) <= 1
     inside = between[source] & between[target]
-    assert count_fragments(problem.system) == 1
+    assert count_fragments(team_of(*problem)) == 1
     ids = problem.system.model.grid.ids
     broke = Breaks(np.ones(inside.sum(), dtype=np.int64), ids[source[inside]], ids[target[inside]])
     restore_state(*problem, 1, kept(problem), broke)
@@ -230,7 +235,7 @@ def test_pieces_are_not_joined_by_cracked_nodes(kernel: str) -> None:
     assert compute_node_damage(problem.system)[~between].max() == 0
     for side in (column < 9, column > 11):
         assert (between[source] & side[target]).sum() > 100
-    assert count_fragments(problem.system) == 2
+    assert count_fragments(team_of(*problem)) == 2
 
 
 def test_a_run_stops_when_nothing_breaks_any_more(small_plate: Model) -> None:

@@ -1,9 +1,10 @@
-"""Records of a motion: energy ledger, probes and reactions, with checks of the physics."""
+"""The accounts of a motion, on all ranks: energy ledger, probes and reactions, with checks of the physics."""
 
 from __future__ import annotations
 
 from functools import partial
-from typing import Any
+from operator import itemgetter
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -12,39 +13,44 @@ from pdsolve.checks import closing, warn_of_created_energy, warn_of_damping, war
 from pdsolve.errors import UnstableError
 from pdsolve.fracture.broken_area import broken_area
 from pdsolve.laws.material_checks import negative_secants
+from pdsolve.numerics.team import PASSED, Team
 from pdsolve.results import FrameRecord, Results
-from pdsolve.run.inversion_checks import InversionAndPrecisionChecks
-from pdsolve.run.measures import EnergyBalanceRow, NodeEnergiesAndBreaks, compute_energy_balance_row
-from pdsolve.run.operator_factory import compute_stable_time_step_of_intact_bonds
-from pdsolve.run.reactions import ConditionForceRow, compute_condition_forces, list_force_conditions_with_nodes
+from pdsolve.run.assembly import compute_stable_time_step_of_intact_bonds
+from pdsolve.run.inversion_checks import DisplacementRange, compute_displacement_range
+from pdsolve.run.measures import (
+    BalancePart,
+    ConditionForceRow,
+    EnergyBalanceRow,
+    add_condition_forces,
+    compute_balance_part,
+    join_balance,
+    list_condition_force_rows,
+)
+from pdsolve.run.subdomain import Subdomain
 from pdsolve.run.system import System
 from pdsolve.state import State
 
 RUNAWAY = 10.0  # times the energy put in: more than this is not physics
 
 
-class MechanicsRecords:
-    """The records of one motion; see `pdsolve.run.physics_records.PhysicsRecords`."""
+class BalanceReport(NamedTuple):
+    """What a rank says of its nodes after a step."""
 
-    def __init__(
-        self,
-        system: System,
-        state: State,
-        step: int,
-        energies_and_breaks: NodeEnergiesAndBreaks,
-        past_results: Results | None,
-    ) -> None:
-        """`past_results` are those of a resumed run after `step`, else None."""
-        self._initialize_records(system, step, past_results)
-        self._motion_checks: InversionAndPrecisionChecks | None = None
-        self._given = False, False
-        self._find_monitored_nodes()
-        self.last = compute_energy_balance_row(system, state, step, energies_and_breaks)
-        self._heat_energy = self._compute_clamped_swelling_energy(state)
+    balance: BalancePart
+    last_break_step: int  # 0 without a broken bond
+    values_are_finite: bool
+    displacement_range: DisplacementRange
 
-    def _initialize_records(self, system: System, step: int, past_results: Results | None) -> None:
-        self._system, materials = system, system.model.materials
-        self._flows = any(material.solid == "j2" and material.form != "rate" for material in materials)  # to warn of
+
+class EnergyAccounts:
+    """The accounts of one motion; see `pdsolve.run.accounts.Accounts`."""
+
+    def __init__(self, system: System, team: Team, step: int, past_results: Results | None) -> None:
+        """`system` is that of all ranks, whose subdomains are at `step`; `past_results` are those of a resumed run."""
+        self._system, self._team, materials = system, team, system.model.materials
+        self._flows = team.size == 1 and any(
+            material.solid == "j2" and material.form != "rate" for material in materials
+        )
         self._nodes_changed = past_results is not None and len(past_results.epochs()) > 1  # which makes or loses energy
         self._largest_work = 0.0  # J/m, the largest work, given or taken
         if past_results is not None:
@@ -53,26 +59,20 @@ class MechanicsRecords:
         self._balance_rows: list[EnergyBalanceRow] = []
         self._probes: list[tuple[float, ...]] = []
         self._reactions: list[ConditionForceRow] = []
+        self._find_monitored_nodes()
+        self._evaluate(step)
 
-    def _compute_clamped_swelling_energy(self, state: State) -> float:
-        """What heat can do at most, J/m, against which little is round-off; 0 without it."""
-        return float(np.sum(self._system.area * self._system.stepper.energy_density_at_zero_displacement(state)))
-
-    def switch_system(self, system: System) -> None:
+    def follow(self, system: System) -> None:
         """Continue with changed nodes."""
         self._system, self._nodes_are_current, self._nodes_changed = system, False, True
-        if self._motion_checks is not None:  # it has the nodes before, which are many
-            self._given, self._motion_checks = self._motion_checks.inversion_and_imprecision_warned, None
 
     def _find_monitored_nodes(self) -> None:
-        """Find the nodes of conditions and probes among the current nodes."""
+        """Find the nodes of probes, and what the motion is checked by, among the current nodes."""
         model, run = self._system.model, self._system.model.settings.run
-        probes = [*run.probes, *(end for gap in run.gaps for end in gap.ends)]
-        self._force_conditions = list_force_conditions_with_nodes(self._system)
-        self._probed = model.grid.nearest(probes)[1].tolist() if probes else []
-        self._motion_checks = InversionAndPrecisionChecks(
-            model, partial(self._system.operator.bonds, at_start=True), self._given
-        )
+        places = [*run.probes, *(end for gap in run.gaps for end in gap.ends)]
+        self._probed = list(dict.fromkeys(model.grid.nearest(places)[1].tolist() if places else []))
+        lengths = self._team.everywhere(local_smallest_spacing_and_breaking_elongation)
+        self._team.everywhere(set_smallest_spacing_and_breaking_elongation_of_ranks, lengths)
         self._nodes_are_current = True
 
     @property
@@ -94,51 +94,63 @@ class MechanicsRecords:
             text += f", clipped stretch {fine.clipped_stretch:.2f}" if fine.clipped_stretch else ""
         return text
 
-    def evaluate_balance(self, state: State, step: int, energies_and_breaks: NodeEnergiesAndBreaks) -> None:
+    def evaluate(self, step: int) -> None:
         """Evaluate the balance at this step, unless it is the last entry."""
         if self.last.step != step:
-            self.last = compute_energy_balance_row(self._system, state, step, energies_and_breaks)
-            self._heat_energy = self._compute_clamped_swelling_energy(state)
+            self._evaluate(step)
 
-    def record_step(self, state: State, step: int, energies_and_breaks: NodeEnergiesAndBreaks) -> None:
+    def _evaluate(self, step: int) -> None:
+        self._reports: list[BalanceReport] = self._team.everywhere(report_balance, step)
+        subdomain: Subdomain = self._team.subdomain
+        self.last = join_balance([report.balance for report in self._reports], subdomain.node_count)
+        self.last_break_step = max(report.last_break_step for report in self._reports)
+        # What heat can do at most, J/m, against which little is round-off; 0 without it
+        densities = self._system.stepper.energy_density_at_zero_displacement(subdomain.state)
+        self._heat_energy = float(np.sum(self._system.area * densities))
+
+    def record(self, step: int) -> None:
         """Record the ledger, the probes and the reactions of this step. Raises UnstableError."""
         if not self._nodes_are_current:
             self._find_monitored_nodes()
-        system = self._system
-        self.evaluate_balance(state, step, energies_and_breaks)
-        if self._is_unstable(self.last, bool(np.isfinite(state.value).all())):
-            finite = np.isfinite(state.value).all(axis=1)
-            worst = int((~finite).argmax() if not finite.all() else np.abs(state.rate).sum(axis=1).argmax())
-            most, node = max(self._largest_work, self._heat_energy), int(system.model.grid.ids[worst])
-            raise UnstableError(instability_message(system, self.last, most, node))
+        self.evaluate(step)
+        team, time, finite = self._team, self.last.time, all(report.values_are_finite for report in self._reports)
+        if self._is_unstable(self.last, finite):
+            _, node = max(team.everywhere(find_fastest_local_node, finite), key=itemgetter(0))  # the first of them
+            most = max(self._largest_work, self._heat_energy)
+            raise UnstableError(instability_message(self._system, self.last, most, node))
         self._largest_work = max(self._largest_work, abs(self.last.work))
-        assert self._motion_checks is not None
-        self._motion_checks.warn_of_inversion_or_imprecision(
-            state.value[:, : system.model.grid.dimension], energies_and_breaks.broken_bonds, step
-        )
+        self._check_motion(step)
         if self._flows:
             from pdsolve.run.plastic_checks import warn_if_plastic_strain_is_large  # few bodies flow
 
-            self._flows = not warn_if_plastic_strain_is_large(system, step)
+            self._flows = not warn_if_plastic_strain_is_large(self._system, step)
         self._balance_rows.append(self.last)
-        for row in dict.fromkeys(self._probed):
-            node = int(system.model.grid.ids[row])
-            self._probes.append(
-                (
-                    step,
-                    self.last.time,
-                    node,
-                    *list_node_displacement_velocity_acceleration(state, row, system.model.grid.dimension),
-                )
-            )
-        self._reactions += compute_condition_forces(self._force_conditions, system, state, step, self.last.time)
+        if self._probed:
+            rows = {
+                row: motion for part in team.everywhere(list_local_probe_motion, self._probed) for row, motion in part
+            }
+            self._probes += [(step, time, *rows[row]) for row in self._probed]
+        self._reactions += team.everywhere(sum_condition_forces, step, time)[-1]
+
+    def _check_motion(self, step: int) -> None:
+        """Warn of inverted triangles, and of displacements too large for their precision."""
+        extents = [report.displacement_range for report in self._reports]
+        least = tuple(map(min, zip(*(extent.minimum_by_axis for extent in extents), strict=True)))
+        most = tuple(map(max, zip(*(extent.maximum_by_axis for extent in extents), strict=True)))
+        extent, checks = DisplacementRange(least, most, extents[0].dtype_name), self._team.subdomain.motion_checks
+        if checks.triangles_may_be_inverted(extent):
+            texts = self._team.everywhere(describe_local_inverted_triangle)
+            text = next((text for text in texts if text is not None), None)
+            if text is not None:
+                checks.warn_of_inverted_triangle(text, step)
+        checks.warn_of_imprecise_displacements(extent, step)
 
     def _is_unstable(self, balance_row: EnergyBalanceRow, values_are_finite: bool) -> bool:
         """Whether energy is created, or values are not `values_are_finite`."""
         created = _ratio_of_energy_to_supplied(self._system, balance_row, max(self._largest_work, self._heat_energy))
         return not (values_are_finite and np.isfinite(balance_row.kinetic + balance_row.strain) and created <= RUNAWAY)
 
-    def move_records_into(self, frame: FrameRecord) -> FrameRecord:
+    def move_rows_into(self, frame: FrameRecord) -> FrameRecord:
         """The frame with the records since the last one."""
         frame = frame._replace(ledger=self._balance_rows, probes=self._probes, reactions=self._reactions)
         self._balance_rows, self._probes, self._reactions = [], [], []
@@ -167,7 +179,7 @@ class MechanicsRecords:
         """
         system, run = self._system, self._system.model.settings.run
         plain = run.adapt == "none" and run.cracks == "bonds" and run.fatigue is None
-        if not plain or self._nodes_changed or system.options.team is not None or not self.broken_directed_bond_count:
+        if not plain or self._nodes_changed or self._team.size > 1 or not self.broken_directed_bond_count:
             return {}
         model, broken = system.model, system.operator.broken()
         of_material = model.materials, model.material_of
@@ -189,6 +201,72 @@ class MechanicsRecords:
             warn_of_missing_dissipation(system.model, self.balance_error * put_in, put_in, last.dissipated)
         warn_of_created_energy(system.model, last.refinement, put_in)
         warn_of_damping(system.model, last.damped + last.friction, put_in)
+
+
+def report_balance(team: Team, step: int) -> BalanceReport:
+    """What this rank says of its nodes after a step."""
+    subdomain: Subdomain = team.subdomain
+    energies, own = subdomain.energies_and_breaks(step), subdomain.own
+    system, state = subdomain.system, subdomain.state
+    nodes = own, subdomain.begin + own.start, subdomain.node_count
+    balance = compute_balance_part(system, state, step, energies, *nodes)
+    u = state.value[own, : system.model.grid.dimension]
+    finite = bool(np.isfinite(state.value[own]).all())
+    last_break_step = int(energies.broken_bonds.step.max(initial=0))
+    return BalanceReport(balance, last_break_step, finite, compute_displacement_range(u))
+
+
+def local_smallest_spacing_and_breaking_elongation(team: Team) -> tuple[float, float]:
+    """The lengths by which this rank looks at the motion."""
+    subdomain: Subdomain = team.subdomain
+    return subdomain.motion_checks.smallest_spacing_and_breaking_elongation
+
+
+def set_smallest_spacing_and_breaking_elongation_of_ranks(team: Team, lengths: list[tuple[float, float]]) -> None:
+    """Look at the motion of own nodes by the lengths of all ranks."""
+    subdomain: Subdomain = team.subdomain
+    subdomain.motion_checks.set_smallest_spacing_and_breaking_elongation_of_ranks(lengths, subdomain.own)
+
+
+def describe_local_inverted_triangle(team: Team) -> str | None:
+    """An inverted triangle of own nodes, in words."""
+    subdomain: Subdomain = team.subdomain
+    return subdomain.motion_checks.describe_inverted_triangle(subdomain.state.value[:, :2], subdomain.broken())
+
+
+def find_fastest_local_node(team: Team, all_values_are_finite: bool) -> tuple[float, int]:
+    """The speed of the fastest own node along all axes, m/s, and its id; or 1 and the first that is not finite, or
+    0."""
+    subdomain: Subdomain = team.subdomain
+    state, own = subdomain.state, subdomain.own
+    ids = subdomain.system.model.grid.ids[own]
+    if all_values_are_finite:
+        speed = np.abs(state.rate[own]).sum(axis=1)
+        return float(speed.max()), int(ids[speed.argmax()])
+    wrong = ~np.isfinite(state.value[own]).all(axis=1)
+    return float(wrong.any()), int(ids[wrong.argmax()])
+
+
+def list_local_probe_motion(team: Team, rows: list[int]) -> list[tuple[int, tuple[float, ...]]]:
+    """The rows, among those of all nodes, that are own nodes, with the id and what is recorded of its motion."""
+    subdomain: Subdomain = team.subdomain
+    own, grid = subdomain.own, subdomain.system.model.grid
+    local_rows = [(row, row - subdomain.begin) for row in rows if own.start <= row - subdomain.begin < own.stop]
+    motion = partial(list_node_displacement_velocity_acceleration, subdomain.state, dimension=grid.dimension)
+    return [(row, (int(grid.ids[local_row]), *motion(local_row))) for row, local_row in local_rows]
+
+
+def sum_condition_forces(team: Team, step: int, time: float) -> list[ConditionForceRow]:
+    """The reactions of all ranks, on the last one: each adds to the sums of those before it, node by node."""
+    subdomain: Subdomain = team.subdomain
+    of = subdomain.force_conditions, subdomain.system, subdomain.state
+    if not subdomain.force_conditions:
+        return []
+    sums = add_condition_forces(*of, None if team.rank == 0 else team.received(team.rank - 1, PASSED))
+    if team.rank < team.size - 1:
+        team.comm.send(sums, team.rank + 1, PASSED)
+        return []
+    return list_condition_force_rows(*of, sums, step, time)
 
 
 def list_node_displacement_velocity_acceleration(state: State, row: int, dimension: int) -> list[float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -10,46 +10,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Absorb
-from pdsolve.conditions import Driving, damping, drive, initial_velocity
-from pdsolve.model import Model, counted
+from pdsolve.conditions import damping, drive, initial_velocity
+from pdsolve.model import Model
 from pdsolve.numerics.ordered_sums import Branches, branches, total
 from pdsolve.numerics.team import Team
 from pdsolve.options import Options
 from pdsolve.ranks.building import built
 from pdsolve.ranks.part import Part, added_up
-from pdsolve.ranks.slabs import Slab
-from pdsolve.run.assembly import assemble_system, choose_time_step
-from pdsolve.run.inversion_checks import InversionAndPrecisionChecks
-from pdsolve.run.measures import NodeEnergiesAndBreaks, compute_node_energies_and_breaks
-from pdsolve.run.on_ranks.rank_file import RankDatabase
-from pdsolve.run.operator_factory import make_operator, make_tiled_operator, stable_time_step_from_stiffness_bound
-from pdsolve.run.prepare import select_scheme
-from pdsolve.run.reactions import ForceConditionWithNodes
-from pdsolve.run.system import PreparedRun, System
+from pdsolve.run.assembly import (
+    assemble_system,
+    choose_time_step,
+    make_operator,
+    make_tiled_operator,
+    stable_time_step_from_stiffness_bound,
+)
+from pdsolve.run.subdomain import Subdomain
+from pdsolve.run.system import PreparedRun, Ranks
 from pdsolve.schemes import SCHEMES
 from pdsolve.state import State
 from pdsolve.stepper import Stepper
-
-
-@dataclass(frozen=True)
-class SystemOnRanks(System):
-    """The system of rank 0's window, with the model of all nodes and a stepper of all ranks."""
-
-    team: Team | None = None
-    slabs: tuple[Slab, ...] = ()
-    directed_bonds_of_all_ranks: int = 0  # directed bonds of all ranks at the start
-    unbonded_rows_of_all_ranks: NDArray[np.int64] | None = None  # (k,) rows of nodes of all ranks without bonds
-
-    @property
-    def unbonded_node_rows(self) -> NDArray[np.int64]:
-        """Rows (k,) of the nodes of all ranks without a bond at the start."""
-        assert self.unbonded_rows_of_all_ranks is not None
-        return self.unbonded_rows_of_all_ranks
-
-    @property
-    def directed_bond_count(self) -> int:
-        """Number of directed bonds of all ranks at the start."""
-        return self.directed_bonds_of_all_ranks
 
 
 class StepperOnRanks(Stepper):
@@ -64,29 +43,6 @@ class StepperOnRanks(Stepper):
         return end_step - 1
 
 
-class RankSystem:
-    """What a rank marches: the system and the state of its window, and what has been asked of them."""
-
-    def __init__(self, part: Part, prepared: PreparedRun) -> None:
-        self.system, self.state = prepared
-        own = part.own
-        self.force_conditions = tuple(
-            ForceConditionWithNodes(
-                number, str(condition.__struct_config__.tag), rows[(rows >= own.start) & (rows < own.stop)]
-            )
-            for number, condition in enumerate(self.system.model.settings.conditions)
-            if isinstance(condition, Driving)
-            for rows in (self.system.model.selected(condition),)
-        )
-        self.motion_checks = InversionAndPrecisionChecks(
-            self.system.model, partial(self.system.operator.bonds, at_start=True)
-        )
-        self.energies_and_breaks: NodeEnergiesAndBreaks = compute_node_energies_and_breaks(self.system, self.state)
-        self.bond_state_step = 0  # that this is of
-        self.file: RankDatabase | None = None  # of this rank alone
-        self.pieces = np.zeros(0, dtype=np.int64)  # (k,) of each own node, where it is asked for
-
-
 class RankInitialMotion(NamedTuple):
     """What a rank says of its start."""
 
@@ -96,7 +52,6 @@ class RankInitialMotion(NamedTuple):
 
 def prepare_run_on_ranks(model: Model, options: Options, team: Team) -> PreparedRun:
     """A motion on all ranks of a team, and the state of rank 0's window. Raises ModelError."""
-    select_scheme(model, options._replace(team=team))
     slabs, parts = built(model, options, team, make_operator, make_tiled_operator)
     largest = np.array([max(report.resistance for report in parts)])
     bound = stable_time_step_from_stiffness_bound(largest, np.ones(1))
@@ -108,21 +63,17 @@ def prepare_run_on_ranks(model: Model, options: Options, team: Team) -> Prepared
     begun = team.everywhere(prepare_rank_system, plain, step, bound, full_model, items=damped)
     rests = all(report.is_at_rest for report in begun)
     energy = 0.0 if rests else total([report.kinetic_energy for report in begun], len(model.grid))
-    subdomain: RankSystem = team.part.now
-    same = {field.name: getattr(subdomain.system, field.name) for field in fields(System)}
-    same |= {
-        "model": counted(model, step),
-        "options": options,
-        "stepper": StepperOnRanks(team),
-        "initial_energy": energy,
-    }
     lonely, bonds = np.concatenate([report.lonely for report in parts]), sum(report.bonds for report in parts)
-    return PreparedRun(
-        SystemOnRanks(
-            **same, team=team, slabs=tuple(slabs), directed_bonds_of_all_ranks=bonds, unbonded_rows_of_all_ranks=lonely
-        ),
-        subdomain.state,
+    subdomain: Subdomain = team.subdomain
+    system = replace(
+        subdomain.system,
+        model=model,
+        options=options,
+        stepper=StepperOnRanks(team),
+        initial_energy=energy,
+        ranks=Ranks(team, tuple(slabs), bonds, lonely),
     )
+    return PreparedRun(system, subdomain.state)
 
 
 def prepare_rank_system(
@@ -153,7 +104,7 @@ def prepare_rank_system(
         damping_rates=layer_damping_rates,
         ghosts=part.ghosts,
     )
-    part.now = RankSystem(part, prepared)
+    team.subdomain = Subdomain(*prepared, part)
     velocity = initial_velocity(model, prepared.state.value.shape[1])
     kinetic = (model.rho / 2 * counted.area * (velocity**2).sum(axis=1))[part.own]
     return RankInitialMotion(branches(kinetic, slab.first, slab.nodes), not velocity[part.own].any())
@@ -161,5 +112,5 @@ def prepare_rank_system(
 
 def advance_this_rank(team: Team, first_step: int, end_step: int) -> None:
     """Take the steps `first_step` to `end_step` - 1."""
-    subdomain: RankSystem = team.part.now
+    subdomain: Subdomain = team.subdomain
     subdomain.system.stepper.advance(subdomain.state, first_step, end_step)
