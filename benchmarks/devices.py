@@ -21,7 +21,7 @@ import numpy as np
 from benchmarks.models import lattice_grid, model_of
 from benchmarks.timing import least, timed
 from pdmesh import Body, Box
-from pdmesh.drawing.solids import meshed
+from pdmesh.drawing.building import meshed
 from pdmesh.model.document import Horizon, InitialVelocity, Material, Run, Settings
 from pdsolve.device import tiles
 from pdsolve.device.runtime import Session

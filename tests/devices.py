@@ -16,7 +16,7 @@ import pytest
 from database_contents import contents
 
 from pdmesh import Body, Box
-from pdmesh.drawing.solids import meshed
+from pdmesh.drawing.building import meshed
 from pdmesh.grid.building import build
 from pdmesh.model.document import Material, Region
 from pdsolve.device import runtime

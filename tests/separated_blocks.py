@@ -6,7 +6,7 @@ import msgspec
 import numpy as np
 
 from pdmesh import Body, Box, Material
-from pdmesh.drawing.solids import meshed
+from pdmesh.drawing.building import meshed
 from pdmesh.grid.building import build
 from pdmesh.model.document import Displacement, Run
 from pdmesh.model.material_constants import critical_stretch

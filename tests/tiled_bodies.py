@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from pdmesh import Body, Box, Cylinder, Material, Sphere
-from pdmesh.drawing.solids import meshed
+from pdmesh.drawing.building import meshed
 from pdmesh.grid.building import build
 from pdmesh.model.document import Displacement, Region
 from pdsolve.model import Model

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from pdmesh.drawing.abaqus_keywords import keywords
 from pdmesh.drawing.abaqus_model import Elements, Instance, Model, words
 from pdmesh.drawing.abaqus_sets import Copy, Numbered, SetName, SetRows
-from pdmesh.drawing.mesh_arrays import SIDES, Block, Mesh, Rows
-from pdmesh.drawing.mesh_groups import unused
+from pdmesh.drawing.mesh_arrays import SIDES, Block, Mesh, Rows, unused
 from pdmesh.scene.shapes import SceneError
 
 NONE = np.zeros(0, dtype=np.int64)

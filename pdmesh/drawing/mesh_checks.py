@@ -45,7 +45,7 @@ def read(path: Path, trust: bool = False) -> Mesh:
 
             return read_abaqus(path, trust)
         if suffix == ".txt":
-            from pdmesh.drawing.node_table import read_table
+            from pdmesh.drawing.point_cells import read_table
 
             return read_table(path)
         if not trust:

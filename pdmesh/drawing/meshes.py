@@ -19,9 +19,19 @@ from numpy.typing import NDArray
 
 from pdmesh.drawing import mesh_checks
 from pdmesh.drawing.additions import added
-from pdmesh.drawing.mesh_arrays import Mesh, Rows
-from pdmesh.drawing.mesh_edges import along, doubled, ends_of, joined, slit_remark, slits
-from pdmesh.drawing.mesh_groups import group_names, unused, with_plane
+from pdmesh.drawing.mesh_arrays import (
+    Mesh,
+    Rows,
+    along,
+    doubled,
+    ends_of,
+    group_names,
+    joined,
+    slit_remark,
+    slits,
+    unused,
+    with_plane,
+)
 from pdmesh.drawing.parameters import PREFIX, given, unit_of
 from pdmesh.drawing.plate_of_groups import KINDS, Group, scene_of
 from pdmesh.drawing.point_cells import with_cells

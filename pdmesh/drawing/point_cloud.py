@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.drawing.body_of_groups import KINDS, body_of
-from pdmesh.drawing.mesh_arrays import Mesh
-from pdmesh.drawing.mesh_groups import group_names, unused
+from pdmesh.drawing.mesh_arrays import Mesh, group_names, unused
 from pdmesh.drawing.parameters import PREFIX, unit_of
 from pdmesh.model.kd_trees import tree_of
 from pdmesh.scene.body import Body

@@ -22,9 +22,9 @@ from pathlib import Path
 from typing import Any
 
 from pdmesh import trust
-from pdmesh.drawing.exit_status import how_it_ended
 from pdmesh.drawing.keyword_suggestions import known
 from pdmesh.drawing.parameters import Parameter, unknown
+from pdmesh.drawing.sandbox.walls import how_it_ended
 from pdmesh.drawing.scratch import scratch
 from pdmesh.files import read_bytes
 from pdmesh.quantities import KINDS, number_in
@@ -46,7 +46,7 @@ def read_script(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: 
     scene: Scene | Body
     with errors_at(path):
         if kind == Body.__name__:
-            from pdmesh.drawing.solids import meshed
+            from pdmesh.drawing.building import meshed
 
             scene = meshed(Body(**parts | more))
         else:
@@ -148,7 +148,7 @@ def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
         exec(compile(tree, str(path), "exec"), names)
         scene = names.get("scene")
         if isinstance(scene, Scene | Body):  # values of place are handed over as tables: of files, and of functions
-            from pdmesh.drawing.tabulated_functions import tabulated  # here, as it draws on what reads drawings
+            from pdmesh.drawing.building import tabulated  # here, as it draws on what reads drawings
             from pdmesh.scene.files_of_values import with_files
 
             scene = tabulated(with_files(scene, path.parent))

@@ -10,9 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.drawing.body_of_groups import KINDS, body_of
-from pdmesh.drawing.mesh_arrays import SIDES, Block, Mesh, Rows
-from pdmesh.drawing.mesh_edges import FEW, joined
-from pdmesh.drawing.mesh_groups import group_names, unused
+from pdmesh.drawing.mesh_arrays import FEW, SIDES, Block, Mesh, Rows, group_names, joined, unused
 from pdmesh.drawing.parameters import PREFIX, unit_of
 from pdmesh.grid.cubic import THINNEST
 from pdmesh.model.graphs import connected

@@ -13,8 +13,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.grid.bodies_beside import joined
-from pdmesh.grid.cubic import Cubic, place_nodes
-from pdmesh.grid.scattered import Scattered
+from pdmesh.grid.cubic import Cubic, Scattered, place_nodes
 from pdmesh.model.contact import REST
 from pdmesh.model.document import (
     ON_ONE_LATTICE,

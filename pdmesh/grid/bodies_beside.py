@@ -8,8 +8,7 @@ from dataclasses import replace
 import msgspec
 import numpy as np
 
-from pdmesh.grid.cell_areas import cell_areas
-from pdmesh.grid.lattice import build_grid, grid_of_nodes, place_nodes, settings_of
+from pdmesh.grid.lattice import build_grid, cell_areas, grid_of_nodes, place_nodes, settings_of
 from pdmesh.model.contact import REST
 from pdmesh.model.document import InitialVelocity, Region, RigidBody, Settings
 from pdmesh.model.node_grid import Bodies, Grid

@@ -7,6 +7,8 @@ the part of its cube inside the body. Material in cubes with their centre outsid
 zone that moves there is one lattice, whose outer cubes have their centres on the faces of the box: coarse cells then
 end there. The volumes of cubes that the surface cuts are exact for its triangles. They are scaled so that all volumes
 sum to the body's, as chords of curved faces are inside it.
+
+The nodes of a body that are on no lattice are those of its file.
 """
 
 from __future__ import annotations
@@ -17,14 +19,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.grid.cell_volumes import shares
-from pdmesh.grid.cubes import Cubes, inside
+from pdmesh.grid.cubes import Cubes, inside, shares
 from pdmesh.model.document import ON_ONE_LATTICE
 from pdmesh.model.kd_trees import tree_of
-from pdmesh.model.triangulated_surface import gap, outward
+from pdmesh.model.triangulated_surface import distances, gap, outward
 from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError
-from pdmesh.scene.solids import Shell
+from pdmesh.scene.solids import NodeSet, Shell
 
 SLACK = 1e-6  # of a spacing: what a box may be larger than cubes that fill it
 ON = 1e-4  # of a spacing: a centre this near to the surface is on it
@@ -35,6 +36,7 @@ CROSSED = 1e-2  # of the volume of cut cubes, less than none or more than all of
 MISSED = 0.1  # of the volume of cut cubes: triangles that miss more of a body's volume are not its surface
 THINNEST = 3  # nodes that a body is to have across
 WEDGE = 4  # nodes from where it has them to a sharp edge; farther away it is thin, but for tips of few nodes
+AT_ONCE = 10**6  # pairs of a node and a triangle
 
 
 class Cubic(NamedTuple):
@@ -244,3 +246,41 @@ def _given(body: Body, levels: list[Cubic], lost: list[tuple[NDArray[np.float64]
         volume[cut] *= 1 + missing / scaled
     parts = np.split(volume, np.cumsum([len(level.at) for level in levels])[:-1])
     return [level._replace(volume=part) for level, part in zip(levels, parts, strict=True)]
+
+
+class Scattered(NamedTuple):
+    """The n nodes of a body."""
+
+    position: NDArray[np.float64]  # (n, 3) m
+    delta: NDArray[np.float64]  # (n,) m
+    volume: NDArray[np.float64]  # (n,) m^3
+    border: NDArray[np.bool_]  # (n,) within a spacing of the surface
+
+    @classmethod
+    def of(cls, body: Body) -> Scattered:
+        """The nodes that a body has. Raises SceneError for an adaptive method, whose nodes are on a lattice."""
+        assert body.nodes is not None
+        if body.run.adapt != "none":
+            raise SceneError(f"run.adapt is {body.run.adapt}; use none for points on no lattice")
+        position, delta = body.nodes.position, body.nodes.delta
+        near = distances(position, body.shell.triangles, float(delta.max()))
+        return cls(position, delta, body.nodes.volume, near < delta)
+
+    def within(self, shell: Shell, place: str) -> NDArray[np.bool_]:
+        """Mask (n,) of the nodes in a solid, or of rows of them; `place` is for other kinds of nodes."""
+        if isinstance(shell, NodeSet):
+            return np.isin(np.arange(len(self.position)), shell.rows)
+        inside = np.zeros(len(self.position), dtype=bool)
+        low, high = shell.bounds
+        candidates = np.flatnonzero(((self.position >= low) & (self.position <= high)).all(axis=1))
+        for rows in np.array_split(candidates, len(candidates) * len(shell.triangles) // AT_ONCE + 1):
+            # the angle (k,) that the surface fills around each point (Van Oosterom and Strackee)
+            a, b, c = (shell.triangles[None, :, corner] - self.position[rows][:, None] for corner in range(3))
+            x, y, z = (np.linalg.norm(side, axis=2) for side in (a, b, c))
+            over = np.einsum("ktd,ktd->kt", a, np.cross(b, c))
+            under = x * y * z + x * np.einsum("ktd,ktd->kt", b, c)
+            under += y * np.einsum("ktd,ktd->kt", a, c) + z * np.einsum("ktd,ktd->kt", a, b)
+            inside[rows] = (
+                np.abs(2 * np.arctan2(over, under).sum(axis=1)) > np.pi
+            )  # 4 pi inside, 0 outside, on a face 2 pi
+        return inside

@@ -11,6 +11,8 @@ that keeps the cracks farthest from the nodes. Every shift is reported.
 
 Several bodies: nodes are the middles of squares that fill the bounding box of their body, so that two bodies that touch
 as drawn have nodes one spacing apart.
+
+Areas of nodes are those of Voronoi cells clipped by the plate, exactly.
 """
 
 from __future__ import annotations
@@ -22,7 +24,6 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.grid.cell_areas import cell_areas
 from pdmesh.grid.zones import Level, levels
 from pdmesh.model.document import Horizon, Settings
 from pdmesh.model.kd_trees import tree_of
@@ -32,12 +33,46 @@ from pdmesh.scene.heat import medium_of
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError, near
 
+FRACTIONS = 2**20  # of the finest spacing: what nodes are rounded to, so that a lattice stays one in floating point
 CLEARANCE = 1e-3  # of a spacing: a crack nearer to a node than this meets it
 COMFORT = 0.1  # of a spacing: a shift that keeps cracks this far is taken at once
 HALVES = ((0.0, 0.5), (0.5, 0.0), (0.5, 0.5))
 EIGHTHS = tuple((x, y) for x, y in itertools.product((0.0, 0.125, -0.125, 0.25, -0.25, 0.375, -0.375, 0.5), repeat=2))
 GAP = 0.75  # of a spacing: finer nodes nearer to a row of coarser ones are dropped
 INTERIOR = 2.5  # of a spacing: so far from a level's edge, no neighbour on the lattice is missing
+
+
+def cell_areas(
+    position: NDArray[np.float64],
+    shape: shapely.Geometry,
+    delta: NDArray[np.float64],
+    regular: NDArray[np.bool_] | None = None,
+) -> NDArray[np.float64]:
+    """Areas (n,), m^2, of the Voronoi cells of `position` (n, 2) clipped by `shape`; their sum is its area.
+
+    `delta` (n,) are the spacings, m. `regular` (n,) marks nodes with a full square cell whose whole neighbourhood is on
+    one lattice; cells are constructed only for the others.
+    """
+    areas = delta**2
+    rows = np.arange(len(position)) if regular is None else np.flatnonzero(~regular)
+    if not len(rows):
+        return areas
+    needed = rows
+    if regular is not None:  # cells are bounded by nodes within four spacings
+        distance, _ = tree_of(position[rows]).query(position, distance_upper_bound=4 * float(delta.max()))
+        needed = np.flatnonzero(distance <= 4 * delta)
+    unit, origin = float(delta.min()), position.min(axis=0)
+    points = np.round((position[needed] - origin) / unit * FRACTIONS) / FRACTIONS
+    around = shapely.transform(shape, lambda corners: (corners - origin) / unit)
+    cells = shapely.voronoi_polygons(shapely.multipoints(points), extend_to=around.envelope.buffer(4), ordered=True)
+    cells = shapely.get_parts(cells)[np.searchsorted(needed, rows)]
+    broken = ~shapely.is_valid(cells)
+    cells[broken] = shapely.make_valid(cells[broken])
+    shapely.prepare(around)
+    outside = ~shapely.covers(around, cells)
+    cells[outside] = shapely.intersection(cells[outside], around)
+    areas[rows] = shapely.area(cells) * unit**2
+    return areas
 
 
 @dataclass(frozen=True)

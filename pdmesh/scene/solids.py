@@ -1,6 +1,6 @@
 """Descriptions of solids in space: boxes, cylinders, cones, spheres, and their unions, differences and intersections.
 
-`pdmesh.drawing.solids` has Gmsh triangulate them to a `Shell`.
+`pdmesh.drawing.building` has Gmsh triangulate them to a `Shell`.
 """
 
 from __future__ import annotations

@@ -27,8 +27,7 @@ from pdmesh.commandline import warnings_as_notes
 from pdmesh.drawing.sandbox import gmsh_reader, mesh_reader
 from pdmesh.drawing.sandbox.gmsh_reader import _silent
 from pdmesh.grid.lattice import build_grid
-from pdmesh.grid.ligaments import ligaments
-from pdmesh.grid.pieces import faces_of
+from pdmesh.grid.pieces import faces_of, ligaments
 from pdmesh.model.visibility import plate_of
 from pdpost.__main__ import main as pdpost
 from pdpost.measures.cracked_nodes import find_free_pre_crack_tips

@@ -9,8 +9,7 @@ import pytest
 from messages import naming
 
 from pdmesh.drawing.sandbox import copies
-from pdmesh.drawing.sandbox.scan import Drawing, admitted, names
-from pdmesh.drawing.sandbox.structure import DEEPEST
+from pdmesh.drawing.sandbox.scan import DEEPEST, Drawing, admitted, names
 from pdmesh.drawing.sandbox.tokens import MOST_TOKENS, Refused, tokens_of
 from pdmesh.scene.shapes import SceneError
 

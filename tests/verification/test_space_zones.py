@@ -13,7 +13,7 @@ from zoned_blocks import GLASS, HEIGHT, LENGTH, SMALL, WIDTH, H, blob, block, pl
 
 import pdmesh
 from pdmesh import Body, Box, Cylinder, Run, ramp
-from pdmesh.drawing.solids import meshed
+from pdmesh.drawing.building import meshed
 from pdsolve.adaptivity.hybrid.space.coarse_springs import cubic_stiffness
 from pdsolve.adaptivity.hybrid.space.prepare import SEAM, compute_vertex_force_ratio, create_operator_of_cells
 from pdsolve.laws.pair_laws.brittle import LAW

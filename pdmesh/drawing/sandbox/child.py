@@ -13,10 +13,9 @@ from typing import Any
 
 from pdmesh import trust
 from pdmesh.drawing.body_of_groups import closes, fits, with_own_volumes
-from pdmesh.drawing.exit_status import how_it_ended
 from pdmesh.drawing.sandbox.copies import Copy
 from pdmesh.drawing.sandbox.scan import OWN
-from pdmesh.drawing.sandbox.walls import STAGE, warn_of_missing
+from pdmesh.drawing.sandbox.walls import STAGE, how_it_ended, warn_of_missing
 from pdmesh.drawing.scratch import scratch
 from pdmesh.scene.shapes import CHORD_TOLERANCE, SceneError
 

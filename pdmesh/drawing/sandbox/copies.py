@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pdmesh.drawing.sandbox.mesh_size_words import unused
+from pdmesh.drawing.sandbox.mesh_sizes import unused
 from pdmesh.drawing.sandbox.scan import Drawing, admitted, names, readings
 from pdmesh.drawing.sandbox.skipped import without_skipped
 from pdmesh.drawing.sandbox.tokens import MOST_TOKENS, Refused, Token, decoded, tokens_of, written

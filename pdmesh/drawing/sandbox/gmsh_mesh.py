@@ -14,7 +14,7 @@ import numpy.ctypeslib  # Gmsh's module imports it when it is first used
 import numpy.ma  # likewise, np.unique
 from numpy.typing import NDArray
 
-from pdmesh.drawing.exit_status import WITHOUT_WORDS
+from pdmesh.drawing.sandbox.walls import WITHOUT_WORDS
 
 TYPES = {  # Gmsh's numbers, meshio's names
     15: "vertex", 1: "line", 8: "line3",

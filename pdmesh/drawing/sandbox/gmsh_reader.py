@@ -18,9 +18,8 @@ from typing import Any, TextIO
 import numpy as np
 import numpy.ctypeslib  # Gmsh's module imports it when it is first used
 
-from pdmesh.drawing.exit_status import WITHOUT_WORDS
 from pdmesh.drawing.sandbox.surface_triangles import spatial_groups, unmeshed
-from pdmesh.drawing.sandbox.walls import limit_time, raise_walls, say_stage
+from pdmesh.drawing.sandbox.walls import WITHOUT_WORDS, limit_time, raise_walls, say_stage
 from pdmesh.drawing.sandbox.zone_groups import add_zones, dimension_of, with_names
 from pdmesh.quantities import number_in
 

@@ -2,6 +2,8 @@
 
 Each surface and each curve has one size, from its mean curvature over area or length. Gmsh's own sizes from curvature
 have no bound at the tip of a cone, and are small on flat surfaces that it does not know to be flat.
+
+What a drawing itself says of mesh sizes a node grid does not use; a note tells the user.
 """
 
 from __future__ import annotations
@@ -11,14 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.drawing.sandbox import words
+from pdmesh.drawing.sandbox.scan import Drawing
+
 CELLS = 8  # of a surface along each of its parameters, and of a curve, that curvature is measured in
 FLAT = 1e-5  # of a chord: an arc this little off it is straight
 ANGLE = 0.5  # radians that neighbouring triangles of a curved surface may turn by
 SMALLEST = 12.5  # tolerances: no triangle is asked to be smaller, whatever the curvature
 MOST = 2e6  # triangles; with more, all are larger
 CLASSES = 4  # sizes in a factor of two
-
 Array = NDArray[np.float64]
+SIZES = ("Characteristic", "Field", "MeshSize", "Transfinite")
 
 
 def set_sizes(gmsh: Any, tolerance: float) -> None:
@@ -77,3 +82,27 @@ def _bent(at: Array) -> tuple[Array, Array]:
     off = np.divide(np.linalg.norm(np.cross(way, chord), axis=-1), length, out=np.zeros_like(length), where=length > 0)
     bent = off > FLAT * length
     return np.divide(8 * off, length**2, out=np.zeros_like(length), where=bent), chord
+
+
+def unused(drawing: Drawing) -> dict[str, int]:
+    """Words about the size of mesh elements, with the first line of each."""
+    first_lines: dict[str, int] = {}
+    for place, token in enumerate(drawing.tokens):
+        what = _what(drawing, place) if token.kind == "word" else ""
+        if what:
+            first_lines.setdefault(what, token.line)
+    return first_lines
+
+
+def _what(drawing: Drawing, place: int) -> str:
+    text = drawing.text(place)
+    if text == "Point" and drawing.text(place + 1) == "(":
+        values = drawing.partner[place + 1] + 2
+        if drawing.text(values) != "{":
+            return ""
+        inside, depth = range(values + 1, drawing.partner[values]), drawing.depths[values] + 1
+        commas = sum(drawing.text(i) == "," and drawing.depths[i] == depth for i in inside)
+        return "mesh sizes of points" if commas >= 3 else ""
+    if drawing.text(place - 1) == ".":
+        return f"Mesh.{text}" if drawing.text(place - 2) == "Mesh" and text in words.OPTION_SIZES else ""
+    return {"Characteristic": "MeshSize"}.get(text, text) if text in SIZES else ""

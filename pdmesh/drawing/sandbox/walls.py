@@ -13,6 +13,7 @@ import ctypes
 import errno
 import os
 import platform
+import signal
 import struct
 import warnings
 from collections.abc import Collection
@@ -27,9 +28,8 @@ OPEN_FILES = 256
 LAST_SECONDS = 5  # of computing, from the signal to the end in any case
 STAGE = "stage: "  # before what a process says that it does
 PR_SET_SECCOMP, PR_SET_NO_NEW_PRIVS, SECCOMP_MODE_FILTER = 22, 38, 2
-
-
 NAMES = {"landlock": "Landlock", "seccomp": "seccomp"}  # beside limits, which are no walls
+WITHOUT_WORDS = "nothing; it stopped, probably for lack of memory"  # what a library says whose error has no message
 
 
 def warn_of_missing(path: Path, stand: Collection[str]) -> None:
@@ -100,9 +100,17 @@ def _limit(seconds: float, memory: int = MEMORY) -> bool:
 # ---- Landlock (linux/landlock.h)
 
 CREATE_RULESET, ADD_RULE, RESTRICT_SELF = 444, 445, 446  # system calls, the same on all processors but Alpha
+
+
 RIGHTS = {1: 13, 2: 14, 3: 15, 4: 15, 5: 16}  # of files, by the version of the interface
+
+
 READ_FILE, READ_DIR = 1 << 2, 1 << 3
+
+
 NET = 0b11  # bind and connect TCP
+
+
 SCOPES = 0b11  # abstract sockets and signals
 
 
@@ -136,6 +144,8 @@ def _landlock(libc: ctypes.CDLL, folder: Path) -> bool:
 # ---- seccomp (linux/seccomp.h, linux/bpf_common.h): numbers of system calls are those of x86-64
 
 X86_64 = 0xC000003E
+
+
 HARMLESS = {
     "read": 0, "write": 1, "close": 3, "stat": 4, "fstat": 5, "lstat": 6, "poll": 7, "lseek": 8, "mmap": 9,
     "mprotect": 10, "munmap": 11, "brk": 12, "rt_sigaction": 13, "rt_sigprocmask": 14, "rt_sigreturn": 15,
@@ -147,10 +157,20 @@ HARMLESS = {
     "exit_group": 231, "newfstatat": 262, "readlinkat": 267, "faccessat": 269, "getrandom": 318, "statx": 332,
     "rseq": 334, "faccessat2": 439,
 }  # fmt: skip
+
+
 OPEN, OPENAT, TGKILL, FCNTL = 2, 257, 234, 72
+
+
 ASKING = (0, 1, 2, 3, 1030)  # of fcntl: to double a file, and about its flags; others could have signals sent
+
+
 FOR_WRITING = 0o1 | 0o2 | 0o100 | 0o1000 | 0o2000 | 0o20000000  # only, and too, creating, emptying, adding, unnamed
+
+
 LOAD, EQUAL, SET, RETURN = 0x20, 0x15, 0x45, 0x06  # BPF: load a word, jump if equal, jump if a bit is set, return
+
+
 ALLOW, DENY = 0x7FFF0000, 0x00050000 | errno.EPERM
 
 
@@ -186,3 +206,10 @@ def _filter(process: int) -> bytes:
     asking += b"".join(step(EQUAL, what, 0, 1) + step(RETURN, ALLOW) for what in ASKING) + step(RETURN, DENY)
     aborting = step(EQUAL, TGKILL, 0, 3) + argument(0) + step(EQUAL, process, 0, 1) + step(RETURN, ALLOW)
     return foreign + step(LOAD, 0) + b"".join([*plain, *reading]) + asking + aborting + step(RETURN, DENY)
+
+
+def how_it_ended(code: int) -> str:
+    """Words for a process's exit code."""
+    if code < 0:
+        return f"was ended by {signal.Signals(-code).name}"
+    return f"ended with exit code {code}"

@@ -117,7 +117,7 @@ def edged() -> Model:
     outline = 1e-3 * np.array([[0.0, 0.0], [20.0, 0.0], [20.0, 20.0], [0.0, 20.0]])
     turn = np.linspace(0, 2 * np.pi, 40, endpoint=False)
     ring = 1e-3 * (10.3 + 3.2 * np.column_stack([np.cos(turn), np.sin(turn)]))
-    from pdmesh.grid.cell_areas import cell_areas
+    from pdmesh.grid.lattice import cell_areas
     from pdmesh.model.visibility import plate_of
 
     grid = dataclasses.replace(square_grid(21, 21), outline=(outline,), holes=(ring,))

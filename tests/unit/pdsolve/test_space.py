@@ -12,7 +12,7 @@ import pytest
 from messages import naming
 
 from pdmesh import Body, Box, Material
-from pdmesh.drawing.solids import meshed
+from pdmesh.drawing.building import meshed
 from pdmesh.grid.building import build
 from pdmesh.model.bond_counts import pair_count
 from pdmesh.model.document import Lattice, Run, Settings

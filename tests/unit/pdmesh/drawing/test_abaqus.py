@@ -11,7 +11,7 @@ from messages import mentions, naming
 
 from pdmesh import SceneError
 from pdmesh.drawing.abaqus import read_abaqus
-from pdmesh.drawing.abaqus_elements import element_type
+from pdmesh.drawing.abaqus_model import element_type
 from pdmesh.drawing.meshes import read_mesh
 from pdmesh.model.document import Load
 from pdmesh.scene.body import Body

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pdmesh.drawing.sandbox.mesh_size_words import unused
+from pdmesh.drawing.sandbox.mesh_sizes import unused
 from pdmesh.drawing.sandbox.scan import Drawing
 from pdmesh.drawing.sandbox.tokens import tokens_of
 

@@ -12,7 +12,7 @@ from messages import mentions, naming
 from pdmesh import SceneError
 from pdmesh.drawing.file_reading import build_file, read_scene
 from pdmesh.drawing.meshes import read_mesh
-from pdmesh.drawing.node_table import read_table
+from pdmesh.drawing.point_cells import read_table
 from pdmesh.grid.building import Built
 from pdmesh.reports.report import info
 from pdmesh.scene.body import Body

@@ -9,9 +9,9 @@ import pytest
 
 from pdmesh import Body, SceneError, Sphere
 from pdmesh.drawing import geo
+from pdmesh.drawing.building import meshed
 from pdmesh.drawing.file_reading import build_file, file_parameters, read_scene
 from pdmesh.drawing.sandbox import child
-from pdmesh.drawing.solids import meshed
 from pdmesh.grid.cubic import place_nodes
 
 pytestmark = [pytest.mark.process]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pdmesh.drawing.sandbox.structure import partners
+from pdmesh.drawing.sandbox.scan import partners
 from pdmesh.drawing.sandbox.tokens import tokens_of, written
 
 

@@ -16,10 +16,9 @@ from messages import naming
 
 from pdmesh import Body, Box, Cylinder, Material, Medium, SceneError, Sphere
 from pdmesh.drawing.building import build as make
-from pdmesh.drawing.solids import meshed
+from pdmesh.drawing.building import meshed
 from pdmesh.grid.building import Built, build
-from pdmesh.grid.cell_volumes import shares
-from pdmesh.grid.cubes import Cubes, inside
+from pdmesh.grid.cubes import Cubes, inside, shares
 from pdmesh.grid.cubic import Cubic, _given, _thin
 from pdmesh.model.document import GridError, Run, encode, read_document
 from pdmesh.model.node_grid import grid_of

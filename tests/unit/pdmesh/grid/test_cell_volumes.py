@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from pdmesh import Body, SceneError
-from pdmesh.grid.cell_volumes import shares
-from pdmesh.grid.cubes import Cubes, inside
+from pdmesh.grid.cubes import Cubes, inside, shares
 from pdmesh.grid.cubic import place_nodes
 from pdmesh.model.triangulated_surface import outward, volume
 from pdmesh.scene.solids import Shell, brick

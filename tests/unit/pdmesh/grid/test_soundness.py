@@ -20,8 +20,7 @@ from pdmesh import Circle, Scene, SceneError, box
 from pdmesh.drawing.file_reading import build_file
 from pdmesh.grid import soundness
 from pdmesh.grid.lattice import build_grid
-from pdmesh.grid.ligaments import Ligament, ligaments
-from pdmesh.grid.pieces import faces_of, pieces
+from pdmesh.grid.pieces import Ligament, faces_of, ligaments, pieces
 from pdmesh.model.neighbours import Neighbours, Pairs
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.visibility import Sight, plate_of

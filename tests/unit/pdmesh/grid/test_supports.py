@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pdmesh import Scene, box
-from pdmesh.grid import soundness, supports
+from pdmesh.grid import soundness
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Displacement, Settings
 
@@ -77,5 +77,5 @@ def test_a_strip_40000_times_as_long_as_wide_is_held_by_two_nodes_of_its_end(hel
     """Against the turn its width resists with 1.6e-10 of what its length does with; one node does not at all."""
     corners = np.array([[0, 0], [0, 2.5e-5], [1, 0], [1, 2.5e-5]])
     settings = Settings(conditions=(Displacement(nodes=held, x=0.0, y=0.0),))
-    motions = supports._free_motions(settings, supports._Motions(corners, corners), np.ones(4, dtype=bool))
+    motions = soundness._free_motions(settings, soundness._Motions(corners, corners), np.ones(4, dtype=bool))
     assert np.linalg.matrix_rank(motions) == free

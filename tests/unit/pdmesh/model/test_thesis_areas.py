@@ -8,7 +8,7 @@ import shapely
 from plates import GEOMETRIES, square_grid, two_scale_grid
 
 from pdmesh.drawing.file_reading import build_file
-from pdmesh.grid.cell_areas import cell_areas
+from pdmesh.grid.lattice import cell_areas
 from pdmesh.model.thesis_areas import thesis_areas
 
 

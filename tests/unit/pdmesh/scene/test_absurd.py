@@ -12,9 +12,9 @@ import pytest
 from plates import GLASS
 
 from pdmesh import Body, Box, Circle, Material, Run, Scene, SceneError, box, ramp
+from pdmesh.drawing.building import meshed
 from pdmesh.drawing.parameters import NAMES
 from pdmesh.drawing.plate_of_groups import Group, scene_of
-from pdmesh.drawing.solids import meshed
 from pdmesh.grid import soundness
 from pdmesh.grid.building import build
 from pdmesh.grid.lattice import build_grid

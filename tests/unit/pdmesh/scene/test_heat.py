@@ -8,7 +8,7 @@ import pytest
 from messages import naming
 
 from pdmesh import Body, Box, Heat, Material, Medium, Scene, SceneError, box, build
-from pdmesh.drawing.solids import meshed
+from pdmesh.drawing.building import meshed
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Concentration, Displacement, Exchange, InitialConcentration, Source
 from pdmesh.reports.report import info, info_lines
