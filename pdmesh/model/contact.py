@@ -25,10 +25,11 @@ class BodyNodes(PlainStruct, frozen=True, forbid_unknown_fields=True):
 class Contact(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """How bodies, and the faces of cracks, push each other apart."""
 
-    stiffness: Positive = 15.0  # of a pair of nodes, in micromoduli over their horizon
-    distance: Share = 1.0  # at which pairs begin to touch, in spacings
-    friction: Amount = 0.0  # Coulomb's coefficient
-    restitution: Restitution = 1.0  # of pairs of nodes: rigid bodies show it, those that deform rebound with more
+    stiffness: Positive = 15.0  # factor f of the penalty stiffness f c V^2 / (3 spacings) of two nodes, with the
+    # micromodulus c and the volume V of a cell
+    distance: Share = 1.0  # distance below which two nodes repel each other, divided by the mean of their spacings
+    friction: Amount = 0.0  # Coulomb's coefficient of friction
+    restitution: Restitution = 1.0  # coefficient of restitution of pairs of nodes; bodies that deform rebound faster
 
 
 class RigidBody(Timed, frozen=True, kw_only=True, tag="rigid", tag_field="kind"):

@@ -98,7 +98,7 @@ class GridWarning(UserWarning):
 class Horizon(PlainStruct, frozen=True, forbid_unknown_fields=True):
     """Radius of a node's interactions over its spacing."""
 
-    ratio: Annotated[float, msgspec.Meta(ge=1, le=64)] = 3.0  # m = horizon / delta of the node
+    ratio: Annotated[float, msgspec.Meta(ge=1, le=64)] = 3.0  # horizon of a node divided by its spacing
 
 
 class Region(Selection, frozen=True, kw_only=True):
@@ -128,38 +128,53 @@ Tolerance = Annotated[float, msgspec.Meta(ge=1e-14, le=0.1)]  # less is round-of
 class Static(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Settings of a static solution."""
 
-    method: Literal["newton", "relaxation"] = "newton"  # by which equilibrium is solved for
-    load_steps: PositiveInt | None = None  # from time 0 to the end of the profiles; None: 10, 1 if nothing varies
-    tolerance: Tolerance = 1e-8  # what is left of the forces over those from outside
-    iterations: PositiveInt | None = None  # in one go, then it is given up; None: as the method has it
-    floating: bool = False  # bodies that nothing supports are held softly, not refused
-    control: str | None = None  # of a path: a gap that grows in equal steps, crack or arc; None: the energy bonds spend
-    opening: Positive | None = None  # m, of that gap in the end
+    method: Literal["newton", "relaxation"] = "newton"  # method that finds equilibria: Newton's method, or adaptive
+    # dynamic relaxation
+    load_steps: PositiveInt | None = None  # number of load steps; in path following it sets the step size; none: 10, 1
+    # without profiles, 80 in path following, extent of the body over the particle spacing with control crack
+    tolerance: Tolerance = 1e-8  # largest permitted ratio of the norm of the residual forces to that of the external
+    # forces (loads and reactions)
+    iterations: PositiveInt | None = None  # largest number of iterations for one equilibrium; none: 15 (25 for plastic
+    # flow) of Newton's method, 100 000 of relaxation
+    floating: bool = False  # true: solve a body without supports, whose loads must balance
+    control: str | None = None  # control parameter of path following: the name of a gap, crack or arc; none: the energy
+    # that softening bonds dissipate
+    opening: Positive | None = None  # m: final opening of the gap that control names
 
 
 class ParticleRules(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Rules for the growth of cracks of particles."""
 
-    criterion: Literal["intensity", "stress"] = "intensity"  # what lets them grow
-    direction: Literal["hoop", "principal"] = "hoop"  # stress: of the largest hoop stress, or across the mean's axis
-    spacing: Annotated[float, msgspec.Meta(ge=1, le=64)] = 1.0  # between particles, over that of the nodes there
-    toughness: Positive | None = None  # Pa m^0.5: of criterion intensity; None: sqrt(E' G0)
-    strength: Positive | None = None  # Pa: largest principal stress, of criterion stress
-    branch: Share = 0.95  # stress: second maximum over the first that forks a crack
-    most: PositiveInt | None = None  # particles that a run adds, at most
+    criterion: Literal["intensity", "stress"] = "intensity"  # a tip grows if its stress intensity factor reaches
+    # toughness (intensity), or the stress ahead of it reaches strength (stress)
+    direction: Literal["hoop", "principal"] = "hoop"  # direction of growth: that of the largest hoop stress, or
+    # perpendicular to the largest principal mean stress (criterion stress only)
+    spacing: Annotated[float, msgspec.Meta(ge=1, le=64)] = 1.0  # distance of two crack particles divided by the spacing
+    # of the nodes
+    toughness: Positive | None = None  # Pa m^0.5: critical stress intensity factor of criterion intensity; none:
+    # sqrt(E' G0)
+    strength: Positive | None = None  # Pa: critical stress of criterion stress
+    branch: Share = 0.95  # with criterion stress: smallest ratio of the second maximum of the hoop stress to the first
+    # at which a crack branches
+    most: PositiveInt | None = None  # largest number of crack particles that a run adds; none: no limit
 
 
 class Split(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Which cells split into four and which four merge, if `Run.adapt` is split."""
 
-    by: Literal["energy", "stretch"] = "energy"  # of nodes, over the plate's largest; of bonds, over the critical one
-    threshold: Share = 0.3  # of that: what is above is split, with all within its horizon
-    floor: Annotated[float, msgspec.Meta(ge=0)] = 0.1  # of the energy density at the critical stretch: none below it
-    ceiling: Positive = 1.0  # of the same: what is more counts as that much, so that what is crushed hides no tip
-    merge: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.1  # as the threshold: what stays below merges; 0: nothing
-    hold: PositiveInt = 10  # looks that it must stay below
-    every: PositiveInt = 10  # steps between two looks
-    levels: Annotated[int, msgspec.Meta(ge=1, le=MOST_LEVELS)] = 1  # how often a cell of the grid can be split
+    by: Literal["energy", "stretch"] = "energy"  # criterion of a node: its energy density divided by the reference
+    # density (see ceiling), or its largest bond stretch divided by the critical stretch
+    threshold: Share = 0.3  # criterion above which a node is flagged; all cells within the horizon of a flagged node
+    # split
+    floor: Annotated[float, msgspec.Meta(ge=0)] = 0.1  # with by energy: energy density below which no node is flagged,
+    # divided by that at the critical stretch
+    ceiling: Positive = 1.0  # with by energy: upper limit of the reference density, the largest energy density of the
+    # plate, divided by that at the critical stretch
+    merge: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.1  # criterion below which cells merge again; 0: never
+    hold: PositiveInt = 10  # number of checks for which the criterion must stay below merge before cells merge
+    every: PositiveInt = 10  # number of time steps between two checks
+    levels: Annotated[int, msgspec.Meta(ge=1, le=MOST_LEVELS)] = 1  # number of successive splits of one cell of the
+    # grid; each split halves the spacing
 
 
 class Hybrid(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -167,18 +182,20 @@ class Hybrid(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults
 
     REMOVED: ClassVar = {"wake": "1.0.0"}  # settings, and the last version that had each; see `suggestions.explained`
 
-    kappa: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.7  # of what breaks a bond: cells around coarse bonds
-    # stretched to that become fine
+    kappa: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.7  # stretch of a spring divided by the critical stretch (of
+    # bilinear bonds: by the stretch at which they soften) from which cells around the spring become fine
 
 
 class Collocation(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Settings of a run with `adapt` = collocation."""
 
-    kappa: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.95  # of what breaks a bond: coarse pairs there become fine
-    margin: Annotated[float, msgspec.Meta(ge=0)] = 0.5  # horizons beyond the one from edges and notches that is fine
-    damping: Annotated[float, msgspec.Meta(ge=0)] | None = None  # sqrt(E / rho) / spacing, of nodes within a horizon of
-    # the seam; None: 0.05 where the horizon is less than 6 spacings, 0.02 where it is less than 16, else 0
-    damped: bool = False  # whether it may be where the horizon is less than 12 spacings, and energy is lost
+    kappa: Annotated[float, msgspec.Meta(gt=0, lt=1)] = 0.95  # stretch between two neighbouring coarse nodes divided by
+    # the critical stretch, from which nodes around them become fine
+    margin: Annotated[float, msgspec.Meta(ge=0)] = 0.5  # nodes are fine within 1 + margin horizons of edges and notches
+    damping: Annotated[float, msgspec.Meta(ge=0)] | None = None  # damping coefficient of nodes within a horizon of the
+    # seam, divided by sqrt(E / rho) / spacing; none: 0.05 with fewer than 6 spacings in a horizon, 0.02 with fewer than
+    # 16, else 0
+    damped: bool = False  # true: permit models with fewer than 12 spacings in a horizon, whose damping removes energy
 
 
 DeviceName = Annotated[str, msgspec.Meta(pattern=r"^(cpu|opencl(:\d{1,3})?)$")]
@@ -187,31 +204,45 @@ DeviceName = Annotated[str, msgspec.Meta(pattern=r"^(cpu|opencl(:\d{1,3})?)$")]
 class Run(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """Duration, solver and output of a run."""
 
-    time_step: Positive | None = None  # s; None: from the stability bound
-    steps: Annotated[int, msgspec.Meta(ge=0, le=MOST_STEPS)] = 1000  # time steps, unless there is a duration
-    every: PositiveInt = 50  # steps between two frames
-    ledger: PositiveInt | None = None  # steps between two entries of the ledger and the probes; None: as frames
-    fields: tuple[Column, ...] = USUAL  # what a frame holds; with all of these also what the model has of its own
-    probes: tuple[Vector, ...] = ()  # places whose nearest node is written down with the ledger, m
-    gaps: tuple[Gap, ...] = ()  # openings that are monitored; their ends are probes too
-    load_cells: tuple[LoadCell, ...] = ()  # forces that are summed
-    adapt: Adapt = "none"  # what is modelled finely where, see Adapt
+    time_step: Positive | None = None  # s: time step; none: the stable time step
+    steps: Annotated[int, msgspec.Meta(ge=0, le=MOST_STEPS)] = 1000  # number of time steps, unless duration is given
+    every: PositiveInt = 50  # number of steps between two frames
+    ledger: PositiveInt | None = None  # number of steps between two records of the energy balance, reactions and
+    # probes; none: that of frames
+    fields: tuple[Column, ...] = USUAL  # fields that a frame stores; the default list stores the further fields of the
+    # material model too
+    probes: tuple[Vector, ...] = ()  # m: points; the motion of the node nearest to each is recorded with the energy
+    # balance
+    gaps: tuple[Gap, ...] = ()  # monitored openings: the name of each, and its ends, two points in m, which are probes
+    # too
+    load_cells: tuple[LoadCell, ...] = ()  # monitored sums of forces: the name of each, and the names of the conditions
+    # that it sums
+    adapt: Adapt = "none"  # method that makes nodes fine only near cracks; auto: hybrid or none, by estimated time
     split: Split = Split()  # where adapt is that
-    cracks: Literal["bonds", "particles"] = "bonds"  # what breaks: bonds by themselves, or where a crack is grown
+    cracks: Literal["bonds", "particles"] = "bonds"  # cracks are broken bonds, or crack particles that grow from tips
+    # and cut bonds
     particles: ParticleRules = ParticleRules()
-    until: Literal["split", "quiet"] | None = None  # stop early: the plate is in two, or breaks no more
-    quiet: Positive | None = None  # s: without a broken bond, after the first, that count as quiet
-    solver: Literal["explicit", "static", "implicit"] = "explicit"  # static: a load step is a step and a frame
-    theta: Annotated[float, msgspec.Meta(ge=0.5, le=1)] = 1.0  # implicit, of diffusion: weight of a step's end
-    start: Literal["unloaded", "static"] = "unloaded"  # static: at rest under what acts at time 0
-    damping: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # 1/s: force against motion over mass and velocity
+    until: Literal["split", "quiet"] | None = None  # early end of the run: when the body is in two pieces (split), or
+    # when no bond breaks any more (quiet)
+    quiet: Positive | None = None  # s: time after the last broken bond at which a run with until quiet ends
+    solver: Literal["explicit", "static", "implicit"] = "explicit"  # explicit: time steps; static: quasi-static load
+    # steps; implicit: time steps of diffusion, of any length
+    theta: Annotated[float, msgspec.Meta(ge=0.5, le=1)] = 1.0  # weight of the end of a step in implicit steps of
+    # diffusion and heat conduction
+    start: Literal["unloaded", "static"] = "unloaded"  # state at time 0: unloaded, or in equilibrium with the
+    # conditions of time 0 (static)
+    damping: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # 1/s: mass-proportional damping: force against the motion,
+    # divided by mass and velocity
     static: Static = Static()
-    after: Literal["path", "stop", "motion"] = "path"  # static, of bonds that soften: what follows the largest loads
+    after: Literal["path", "stop", "motion"] = "path"  # what follows the largest dead loads of an equilibrium path:
+    # smaller loads (path), the end (stop), or a dynamic run (motion)
     fatigue: Fatigue | None = None  # static: loads repeat and bonds tire; a step is some jumps of cycles
     collocation: Collocation = Collocation()
     hybrid: Hybrid = Hybrid()
-    duration: Positive | None = None  # s: in place of steps, as many as it takes; static: of a motion `after`
-    device: DeviceName = "cpu"  # what sums bonds: the processor, or an OpenCL device, the first or that of a number
+    duration: Positive | None = None  # s: duration of the run in place of its number of steps; with solver static: of
+    # the dynamic run of after
+    device: DeviceName = "cpu"  # what sums the bonds: the processor (cpu), the first OpenCL device, or the OpenCL
+    # device of this number
 
 
 def in_steps(run: Run, step: float) -> Run:
@@ -236,11 +267,13 @@ class Settings(PlainStruct, frozen=True, forbid_unknown_fields=True):
     material: Material | None = None
     horizon: Horizon = Horizon()
     regions: tuple[Region, ...] = ()
-    physics: Literal["mechanics", "diffusion", "thermoelastic"] = "mechanics"  # thermoelastic: both, and swelling
+    physics: Literal["mechanics", "diffusion", "thermoelastic"] = "mechanics"  # motion or equilibrium (mechanics),
+    # diffusion alone, or both with swelling (thermoelastic)
     medium: Medium | None = None  # of diffusion; of heat, whose D is the thermal diffusivity and whose content is T, K
     media: tuple[MediumRegion, ...] = ()
     conditions: tuple[AnyCondition, ...] = ()
-    area_rule: Literal["cells", "eq19", "square"] | None = None  # None: as the solver's mode has it
+    area_rule: Literal["cells", "eq19", "square"] | None = None  # areas of nodes: exact cells, equation 19 of the
+    # thesis, or squared spacings; none: those of the scheme (--mode)
     contact: Contact | None = None  # between bodies, and the faces of cracks; None: they pass through each other
     run: Run = Run()
 

@@ -28,18 +28,25 @@ MOST_CYCLES = 1e15
 class Fatigue(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
     """How bonds tire, and the cycle of the loads."""
 
-    A: Positive | None = None  # share of life that a cycle of unit strain takes, next to damage; None: A1 everywhere
-    m: Exponent | None = None
-    C: Positive | None = None  # cracks of particles: m a cycle at 1 Pa m^0.5
-    threshold_K: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # Pa m^0.5: range of K without growth of particles
-    A1: Positive | None = None  # elsewhere; None: bonds tire next to damage alone
-    m1: Exponent | None = None
-    endurance: Amount = 0.0  # range of stretch of which nothing away from damage tires
-    threshold: Amount = 0.0  # the same next to damage
-    damaged: Share = 0.25  # damage of a node from which bonds within a horizon of it grow the crack
-    ratio: Annotated[float, msgspec.Meta(ge=-1, lt=1)] = 0.0  # of the least load of a cycle to the largest, R
-    cycles: Annotated[float, msgspec.Meta(gt=0, le=MOST_CYCLES)] = MOST_CYCLES  # then the run ends
-    blocks: tuple[tuple[Positive, Share], ...] = ()  # cycles and share of the loads, one after the other, repeated
+    A: Positive | None = None  # life that a bond next to damage loses in a cycle is A eps^m, with the range eps of its
+    # stretch; none: A1 eps^m1 everywhere
+    m: Exponent | None = None  # exponent of the range in A eps^m, and of dK in C dK^m
+    C: Positive | None = (
+        None  # m/cycle: growth of crack particles per cycle at dK = 1 Pa m^0.5; the C of da/dN = C dK^m
+    )
+    threshold_K: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # Pa m^0.5: range of K up to which crack particles do not
+    # grow
+    A1: Positive | None = None  # life that a bond not next to damage loses in a cycle is A1 eps^m1; none: such a bond
+    # loses none
+    m1: Exponent | None = None  # exponent of the range in A1 eps^m1
+    endurance: Amount = 0.0  # range of stretch up to which a bond not next to damage loses no life
+    threshold: Amount = 0.0  # range of stretch up to which a bond next to damage loses no life
+    damaged: Share = 0.25  # damage of a node from which the bonds within a horizon of it are next to damage
+    ratio: Annotated[float, msgspec.Meta(ge=-1, lt=1)] = 0.0  # load ratio R: smallest loads of a cycle divided by the
+    # largest
+    cycles: Annotated[float, msgspec.Meta(gt=0, le=MOST_CYCLES)] = MOST_CYCLES  # number of cycles at which the run ends
+    blocks: tuple[tuple[Positive, Share], ...] = ()  # load blocks: pairs of a number of cycles and a factor on the
+    # loads, applied one after the other and repeated
 
 
 class Cycled(NamedTuple):

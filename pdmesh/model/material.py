@@ -34,88 +34,112 @@ class Elastic(msgspec.Struct, frozen=True):
 
     E: Annotated[Positive, Declared("Pa", "E")]  # Young's modulus
     rho: Annotated[Positive, Declared("kg/m^3", "rho")]  # density
-    G0: Annotated[Amount, Declared("J/m^2", "G0")] = UNKNOWN  # fracture energy; without it, critical_stretch
-    critical_stretch: Annotated[Positive | None, Declared("", "Critical stretch")] = None  # of the finest brittle bonds
-    nu: Annotated[  # Poisson's ratio; None: of bonds as published, 1/3 or 1/4
-        Annotated[float, Meta(gt=-1, lt=1)] | None, Declared("", "nu")
-    ] = None
-    # bond: forces of pairs; ordinary, correspondence: of all neighbours; micropolar: of pairs with rotations
-    model: Literal["bond", "ordinary", "correspondence", "micropolar"] = "bond"
-    micromodulus: Literal["conical", "constant"] = "conical"  # stiffness of bonds by their length
-    calibration: Literal["mean", "isotropic"] = "mean"  # of lattices; see pdmesh.model.lattice_calibration
-    coarse: Literal["own", "matched", "unbreakable"] = "own"  # strength of bonds wider than the finest of their body
-    plane: Literal["stress", "strain", "space"] = "stress"  # space: of a body, which has no other
-    sight: Literal["visibility", "diffraction"] = "visibility"  # of what is behind a crack: none, or round its tips
-    failure: Literal["stretch", "energy", "stress", "none"] = "stretch"  # of models that are not bond: what breaks
+    G0: Annotated[Amount, Declared("J/m^2", "G0")] = UNKNOWN  # fracture energy, the energy that a crack dissipates per
+    # area; for brittle bonds critical_stretch may replace it
+    critical_stretch: Annotated[Positive | None, Declared("", "Critical stretch")] = None  # critical stretch of the
+    # brittle bonds between the finest nodes, in place of G0
+    nu: Annotated[Annotated[float, Meta(gt=-1, lt=1)] | None, Declared("", "nu")] = (
+        None  # Poisson's ratio; none: that of bonds, 1/3 in plane stress, 1/4 in plane strain and 3D
+    )
+    model: Literal["bond", "ordinary", "correspondence", "micropolar"] = "bond"  # material model: forces of bonds
+    # (bond), of families of bonds (ordinary, correspondence), or of bonds and rotations (micropolar)
+    micromodulus: Literal["conical", "constant"] = "conical"  # stiffness of a bond by its length: constant, or
+    # decreasing to 0 at the horizon (conical)
+    calibration: Literal["mean", "isotropic"] = "mean"  # stiffness of a lattice: that of the material as a mean over
+    # directions, or in each direction (isotropic)
+    coarse: Literal["own", "matched", "unbreakable"] = "own"  # strength of bonds outside the finest zone of a body:
+    # their own, that of the finest zone (matched), or no limit
+    plane: Literal["stress", "strain", "space"] = "stress"  # plane stress, plane strain, or a 3D model (space)
+    sight: Literal["visibility", "diffraction"] = "visibility"  # bonds across a crack: none (visibility), or weaker
+    # ones round its tips (diffraction)
+    failure: Literal["stretch", "energy", "stress", "none"] = "stretch"  # quantity whose limit breaks a bond; the model
+    # bond has only stretch
 
 
 class Diffraction(msgspec.Struct, frozen=True, tag_field="sight", tag="diffraction"):
     """Bonds that go round the tips of cracks."""
 
-    gamma: Annotated[float, Meta(ge=1)] = 1.0  # how much farther the way round is, as a power
+    gamma: Annotated[float, Meta(ge=1)] = 1.0  # exponent of diffraction: a bond of length s0 whose way round the crack
+    # is s1 + s2 has the influence of one of length ((s1 + s2) / s0)^gamma s0
 
 
 class BondLaw(msgspec.Struct, frozen=True):
     """Bonds whose force a law gives."""
 
-    law: Annotated[str, Declared(drawing_name="Force law")] = USUAL_LAW  # one of those that the solver knows
+    law: Annotated[str, Declared(drawing_name="Force law")] = USUAL_LAW  # force law of bonds: brittle, bilinear,
+    # cohesive, or the name of a law of your own
 
 
 class Bilinear(msgspec.Struct, frozen=True, tag_field="law", tag="bilinear"):
     """Bonds that soften along a line."""
 
-    kr: Annotated[float, Meta(ge=1), Declared("", "kr")] = 1.0  # stretch at which a bond breaks over that of its peak
-    keep_G0: Annotated[bool, Declared(refused=False)] = True  # spend G0 on a crack; False: G0 / kr, as in the thesis
+    kr: Annotated[float, Meta(ge=1), Declared("", "kr")] = 1.0  # stretch at which a bilinear bond breaks, divided by
+    # the stretch of its largest force
+    keep_G0: Annotated[bool, Declared(refused=False)] = True  # true: a crack of bilinear bonds dissipates G0 per area;
+    # false: G0 / kr, as in the thesis
 
 
 class Cohesive(msgspec.Struct, frozen=True, tag_field="law", tag="cohesive"):
     """Bonds that soften by their opening."""
 
-    f_t: Annotated[Positive | None, Declared("Pa", "f_t", needed="the tensile strength, Pa")] = None
-    shape: Literal["linear", "bilinear", "exponential"] = "linear"  # of the softening curve
+    f_t: Annotated[Positive | None, Declared("Pa", "f_t", needed="the tensile strength, Pa")] = None  # tensile
+    # strength; required with law cohesive
+    shape: Literal["linear", "bilinear", "exponential"] = "linear"  # softening curve of cohesive bonds: the stress as a
+    # function of the crack opening
 
 
 class Family(msgspec.Struct, frozen=True):
     """Forces that all neighbours of a node decide on."""
 
-    influence: Literal["cubic spline", "constant", "inverse"] | None = None  # of neighbours; None: the model's own
+    influence: Literal["cubic spline", "constant", "inverse"] | None = None  # weight of a neighbour by its distance;
+    # none: constant for ordinary, cubic spline for correspondence
 
 
 class Correspondence(msgspec.Struct, frozen=True, tag_field="model", tag="correspondence"):
     """A solid behind the gradient of a family."""
 
-    solid: Literal["linear", "svk", "neo hooke", "j2"] = "linear"  # what stress follows strain
-    form: Literal["total", "rate"] = "total"  # from the start, or from step to step
-    control: Literal["silling", "none", "wan", "breitzman-dayal"] = "silling"  # of modes without energy
-    order: Annotated[int, Meta(ge=1, le=7)] = 1  # of the polynomials gradients are fitted by
-    constant_term: bool = False  # the fit does not have to pass through its own node
+    solid: Literal["linear", "svk", "neo hooke", "j2"] = "linear"  # stress-strain law of a correspondence model
+    form: Literal["total", "rate"] = "total"  # the stress follows from the total deformation, or is integrated over the
+    # steps (rate)
+    control: Literal["silling", "none", "wan", "breitzman-dayal"] = "silling"  # method that controls the zero-energy
+    # modes of a correspondence model
+    order: Annotated[int, Meta(ge=1, le=7)] = 1  # order of the polynomial that is fitted to the displacements of a
+    # family
+    constant_term: bool = False  # true: the fitted polynomial has a constant term, so that its value at the node may
+    # differ from the displacement of the node
 
 
 class StressFailure(msgspec.Struct, frozen=True, tag_field="failure", tag="stress"):
     """Bonds that fail by the stress of their ends."""
 
-    strength: Annotated[Positive | None, Declared("Pa", needed="the largest principal stress, Pa")] = None
+    strength: Annotated[Positive | None, Declared("Pa", needed="the largest principal stress, Pa")] = None  # largest
+    # principal stress, at which bonds break; required with failure stress
 
 
 class Silling(msgspec.Struct, frozen=True, tag_field="control", tag="silling"):
     """Control of modes without energy by springs along the bonds."""
 
-    control_factor: Annotated[float, Meta(ge=0), Declared(refused=False)] = 0.5  # of the springs
+    control_factor: Annotated[float, Meta(ge=0), Declared(refused=False)] = 0.5  # factor of the forces that control
+    # zero-energy modes, with control silling
 
 
 class Plastic(msgspec.Struct, frozen=True, tag_field="solid", tag="j2"):
     """A metal that yields."""
 
-    yield_stress: Annotated[Positive | None, Declared("Pa", needed="the yield stress, Pa")] = None
-    hardening: Annotated[float, Declared("Pa")] = 0.0  # stress per plastic strain
+    yield_stress: Annotated[Positive | None, Declared("Pa", needed="the yield stress, Pa")] = None  # yield stress;
+    # required with solid j2
+    hardening: Annotated[float, Declared("Pa")] = 0.0  # increase of the yield stress per plastic strain
 
 
 class Expansion(msgspec.Struct, frozen=True, tag_field="physics", tag="thermoelastic"):
     """A solid that heat or a solvent swells."""
 
-    # strain of a free body for each K, or mol/m^3, above T0
-    alpha: Annotated[float | None, Declared("1/K", "alpha", needed="a number")] = None
-    T0: Annotated[float | None, Declared("K", "T0", needed="a number")] = None  # of a body free of stress, at time 0
+    alpha: Annotated[float | None, Declared("1/K", "alpha", needed="a number")] = None  # strain of a free body per K
+    # above T0, or per mol/m^3 of a substance; required with physics thermoelastic
+    T0: Annotated[float | None, Declared("K", "T0", needed="a number")] = (
+        None  # temperature without thermal strain, and
+    )
+    # the default at time 0; required with physics thermoelastic
 
 
 CHOSEN = (Diffraction, BondLaw, Bilinear, Cohesive, Family, Correspondence, StressFailure, Silling, Plastic, Expansion)

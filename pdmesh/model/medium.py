@@ -21,18 +21,23 @@ class Medium(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults
     `k_diss`.
     """
 
-    D: Positive  # m^2/s: diffusivity
-    power: Literal[0, 1, 2] = 1  # of the distance that the micro-diffusivity falls with
-    C_solid: Positive | None = None  # mol/m^3; None: nothing dissolves
-    C_sat: Positive | None = None  # mol/m^3, that liquid can hold
-    dissolution: Literal["enthalpy", "kinetic"] = "enthalpy"
-    k_diss: Positive = 1.0  # kinetic: of bonds from solid to liquid, over that from liquid to liquid
-    surface_correction: bool = True  # of bonds near free surfaces, cracks and held layers; see the guide
-    broken: Annotated[float, msgspec.Meta(ge=0, le=1)] = 1.0  # share of its conductance that a broken bond keeps
-    heat_capacity: Positive | None = None  # J/(m^3 K): of heat; None: not known, and amounts are in K m^d
-    deformation: bool = False  # whether stretching cools and compression heats
-    capped: bool = True  # kinetic: nothing dissolves into liquid that holds C_sat
-    carries: Literal["substance", "heat"] = "substance"  # heat: contents are temperatures, K
+    D: Positive  # m^2/s: diffusivity; of heat: thermal diffusivity
+    power: Literal[0, 1, 2] = 1  # the conductance of a bond is proportional to its length to the power -power
+    C_solid: Positive | None = None  # mol/m^3: concentration of the substance in the solid; none: nothing dissolves
+    C_sat: Positive | None = None  # mol/m^3: concentration at which the liquid is saturated
+    dissolution: Literal["enthalpy", "kinetic"] = "enthalpy"  # what limits the rate of dissolution: diffusion in the
+    # liquid (enthalpy), or bonds between solid and liquid (kinetic)
+    k_diss: Positive = 1.0  # with dissolution kinetic: conductance of a bond between solid and liquid, divided by that
+    # of a bond in the liquid
+    surface_correction: bool = True  # true: bonds near free surfaces, cracks and prescribed layers are corrected
+    broken: Annotated[float, msgspec.Meta(ge=0, le=1)] = 1.0  # conductance of a broken bond divided by that of the same
+    # bond before it broke
+    heat_capacity: Positive | None = None  # J/(m^3 K): heat capacity per volume; none: not known, and amounts of heat
+    # are in K m^2, in 3D in K m^3
+    deformation: bool = False  # true: stretching cools the body, and compression heats it
+    capped: bool = True  # with dissolution kinetic: true if the solid dissolves only while the liquid is below C_sat
+    carries: Literal["substance", "heat"] = "substance"  # what diffuses: a substance (concentrations in mol/m^3), or
+    # heat (temperatures in K)
 
 
 def contradiction(medium: Medium) -> tuple[str, str, str] | None:

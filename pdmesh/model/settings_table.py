@@ -25,7 +25,7 @@ from pdmesh.model.suggestions import described
 
 PARTS = ("material", "horizon", "run", "contact", "medium", "physics", "area_rule")
 UNIT = re.compile(
-    r"(Pa m\^0\.5|Pa|1/s|m/s|rad/s|m\^2/s|mol/m\^3|J/m\^2|J/\(m\^3 K\)|kg/m\^3|kg/m|m|s|K)(?=$|[:;,])[:;,]?\s*"
+    r"(Pa m\^0\.5|Pa|1/s|m/cycle|m/s|rad/s|m\^2/s|mol/m\^3|J/m\^2|J/\(m\^3 K\)|kg/m\^3|kg/m|m|s|K)(?=$|[:;,])[:;,]?\s*"
 )
 
 
@@ -82,8 +82,6 @@ def _below(struct: type[msgspec.Struct], key: str, name: str) -> Iterator[Settin
     unit = DECLARED[key].unit if struct is Material else ""
     if (begins := UNIT.match(comment)) is not None:
         unit, comment = unit or begins[1], comment[begins.end() :]
-    if struct is Material and DECLARED[key].needed:
-        comment = "; ".join(filter(None, [comment, f"needed: {DECLARED[key].needed}"]))
     values = " or ".join(described(field.type))
     yield Setting(name, unit, _default(field), values, comment)
 
