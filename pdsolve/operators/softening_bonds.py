@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Assembly
+from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.laws.law import Law
 from pdsolve.state import Broken
 
@@ -75,7 +76,7 @@ class SofteningBonds:
         self.breaks = np.flatnonzero(np.isfinite(self.limit))
         self.kappa = np.zeros(len(once))
         self._pair, self._softening, self._nodes = curve, curve.softening, nodes
-        self._pattern: tuple[Index, Index, Index] | None = None
+        self._pattern: tuple[Index, Index, Index] | None = None  # of the tangent: row starts, columns, places of blocks
         self._ground: csr_array | None = None
 
     def stand_on(self, stiffness: csr_array) -> None:
@@ -96,20 +97,24 @@ class SofteningBonds:
 
     def stretches(self, value: Array) -> Array:
         """Stretches (b,) at these displacements (n, d), without cancellation."""
-        eta = value[self.target] - value[self.source]
-        e = ((2 * self.xi + eta) * eta).sum(axis=1) / self.length**2
-        return np.asarray(e / (np.sqrt(1 + e) + 1))
+        return self._kinematics(value)[0]
+
+    def _kinematics(self, value: Array) -> tuple[Array, Array, Array]:
+        """Stretches (b,), unit vectors (b, d) from source to target, and lengths (b,), m, at displacements (n, d)."""
+        stretch, along, now = np.empty(len(self.xi)), np.empty(self.xi.shape), np.empty(len(self.xi))
+        _stretch_and_direct(self.source, self.target, self.xi, self.length, value, stretch, along, now)
+        return stretch, along, now
 
     def respond(self, value: Array) -> Response:
         """The response at displacements (n, d) after the history `kappa`."""
-        y = self.xi + value[self.target] - value[self.source]
-        s, now, c = self.stretches(value), np.sqrt((y**2).sum(axis=1)), self.stiffness
+        c = self.stiffness
+        s, along, now = self._kinematics(value)
         softened = self._soften(s)
         if self._pair.elastic_in_compression:
             pressed = self.breaks[(s < 0)[self.breaks] & (softened.kappa < self.limit)[self.breaks]]
             softened.omega[pressed] = softened.slope[pressed] = 1.0
         releases = c * self.length * softened.releases / 2
-        spent, along = float(self.dissipated_energy(softened.kappa).sum()), y / now[:, None]
+        spent = float(self.dissipated_energy(softened.kappa).sum())
         return Response(
             along,
             now,
@@ -124,21 +129,15 @@ class SofteningBonds:
 
     def _soften(self, drive: Array) -> Softened:
         """The state of bonds (b,) at these drives, of springs their stretches, after the history `kappa`."""
-        slope = np.ones(len(drive))
-        releases = np.zeros(len(drive))
+        slope, omega, releases = np.ones(len(drive)), np.ones(len(drive)), np.zeros(len(drive))
         kappa = self.kappa.copy()
-        omega = np.ones(len(drive))
-        k = self.breaks
-        bond_drive, before, peak, limit = drive[k], self.kappa[k], self.peak[k], self.limit[k]
-        grows = bond_drive > np.maximum(before, peak)
-        worst = np.minimum(np.where(grows, bond_drive, before), limit)
-        has_history = worst > 0
-        secant, curve = np.ones(len(k)), np.zeros(len(k))
-        at = worst[has_history], peak[has_history], limit[has_history]
-        secant[has_history] = (
-            self._pair.secant(None, bond_drive[has_history], *at) if self._pair.secant is not None else 1.0
-        )
-        curve[has_history] = self._softening.softening_slope(None, *at)
+        peak, limit = self.peak[self.breaks], self.limit[self.breaks]
+        soft = (drive[self.breaks] > peak) | (kappa[self.breaks] > 0)
+        k, peak, limit = self.breaks[soft], peak[soft], limit[soft]
+        grows = drive[k] > np.maximum(kappa[k], peak)
+        worst = np.minimum(np.where(grows, drive[k], kappa[k]), limit)
+        secant = np.ones(len(k)) if self._pair.secant is None else self._pair.secant(None, drive[k], worst, peak, limit)
+        curve = self._softening.softening_slope(None, worst, peak, limit)
         secant[worst >= limit] = curve[worst >= limit] = 0.0
         on = grows & (worst < limit)
         kappa[k], omega[k], slope[k] = worst, secant, np.where(on, curve, secant)
@@ -170,36 +169,85 @@ class SofteningBonds:
 
     def _summed(self, pull: Array) -> Array:
         """Sums (n, d) at nodes of what acts on the source, and reversed on the target."""
-        out = np.empty((self._nodes, pull.shape[1]))
-        for a in range(pull.shape[1]):
-            at_target = np.bincount(self.target, pull[:, a], self._nodes)
-            out[:, a] = np.bincount(self.source, pull[:, a], self._nodes) - at_target
-        return out
+        out, at_target = np.zeros((2, self._nodes, pull.shape[1]))
+        _add_at_both_ends(self.source, self.target, pull, out, at_target)
+        return np.asarray(out - at_target)
 
     def tangent(self, response: Response, secant: bool = False) -> csr_array:
         """Minus the derivative (n d, n d) of the forces by the displacements, N/m^2; `secant`: of straight bonds."""
-        d, n, slope = self.xi.shape[1], response.along, response.secant if secant else response.slope
-        outer = n[:, :, None] * n[:, None, :]
-        block = (slope / self.length)[:, None, None] * outer
-        block += (response.force / response.length)[:, None, None] * (np.eye(d) - outer)
-        return self._assembled(np.concatenate([block, block, -block, -block]))
+        slope = response.secant if secant else response.slope
+        block = np.empty((*self.xi.shape, self.xi.shape[1]))
+        _set_spring_blocks(response.along, slope / self.length, response.force / response.length, block)
+        return self._assembled((block, block, block, block), (1.0, 1.0, -1.0, -1.0))
 
-    def _assembled(self, blocks: Array) -> csr_array:
-        """The matrix (n w, n w) of supports and of blocks (4 b, w, w): source-source, target-target, source-target,
-        target-source."""
+    def _assembled(self, blocks: tuple[Array, ...], signs: tuple[float, ...] = (1.0, 1.0, 1.0, 1.0)) -> csr_array:
+        """The matrix (n w, n w) of supports and of blocks (b, w, w), times their signs: source-source, target-target,
+        source-target, target-source. All matrices have the same pattern."""
         from scipy.sparse import csr_array  # SciPy takes long to import, and few runs ask
 
-        w = blocks.shape[1]
+        w, size = blocks[0].shape[1], blocks[0].shape[1] * self._nodes
+        ground = csr_array((size, size)) if self._ground is None else self._ground
         if self._pattern is None:
             i, j = self.source, self.target
             rows, columns = np.concatenate([i, j, i, j]), np.concatenate([i, j, j, i])
             a, b = (index.ravel() for index in np.indices((w, w)))
-            key = (w * rows[:, None] + a) * (w * self._nodes) + w * columns[:, None] + b
-            unique, place = np.unique(key.ravel(), return_inverse=True)
-            row, column = np.divmod(unique, w * self._nodes)
-            indptr = np.searchsorted(row, np.arange(w * self._nodes + 1))
-            self._pattern = indptr.astype(np.int64), column, place.ravel()
+            key = ((w * rows[:, None] + a) * size + w * columns[:, None] + b).ravel()
+            supports = ground.tocoo()
+            key = np.concatenate([key, supports.row.astype(np.int64) * size + supports.col])
+            unique, place = np.unique(key, return_inverse=True)
+            row, column = np.divmod(unique, size)
+            indptr = np.searchsorted(row, np.arange(size + 1))
+            self._pattern = indptr.astype(np.int32), column.astype(np.int32), place.astype(np.int32)
         indptr, indices, place = self._pattern
-        data = np.bincount(place, blocks.ravel(), len(indices))
-        matrix = csr_array((data, indices, indptr), (w * self._nodes, w * self._nodes))
-        return matrix if self._ground is None else (matrix + self._ground).tocsr()
+        data = np.zeros(len(indices))
+        at_blocks = place[: 4 * blocks[0].size].reshape(4, *blocks[0].shape)
+        for at, block, sign in zip(at_blocks, blocks, signs, strict=True):
+            _add_blocks(at, block, sign, data)
+        data[place[4 * blocks[0].size :]] += ground.tocoo().data
+        return csr_array((data, indices, indptr), (size, size))
+
+
+@cached_njit(error_model="numpy")
+def _stretch_and_direct(source, target, xi, length, value, stretch, along, now):  # type: ignore[no-untyped-def]
+    """Set stretches (b,), unit vectors (b, d) and lengths (b,) of bonds at displacements (n, d)."""
+    for k in range(len(source)):
+        i, j = source[k], target[k]
+        more, square = 0.0, 0.0
+        for axis in range(xi.shape[1]):
+            x = xi[k, axis]
+            eta, y = value[j, axis] - value[i, axis], x + value[j, axis] - value[i, axis]
+            more += (2 * x + eta) * eta
+            square += y * y
+            along[k, axis] = y
+        e = more / (length[k] * length[k])
+        stretch[k], now[k] = e / (np.sqrt(1 + e) + 1), np.sqrt(square)
+        for axis in range(xi.shape[1]):
+            along[k, axis] /= now[k]
+
+
+@cached_njit(error_model="numpy")
+def _add_at_both_ends(source, target, pull, at_source, at_target):  # type: ignore[no-untyped-def]
+    """Add what bonds (b, d) do to sums (n, d) at their sources and at their targets."""
+    for k in range(len(source)):
+        for axis in range(pull.shape[1]):
+            at_source[source[k], axis] += pull[k, axis]
+            at_target[target[k], axis] += pull[k, axis]
+
+
+@cached_njit(error_model="numpy")
+def _set_spring_blocks(along, axial, transverse, block):  # type: ignore[no-untyped-def]
+    """Set the stiffness (b, d, d) of springs, of what they have along and across their direction (b,)."""
+    for k in range(len(along)):
+        for a in range(along.shape[1]):
+            for b in range(along.shape[1]):
+                outer = along[k, a] * along[k, b]
+                block[k, a, b] = axial[k] * outer + transverse[k] * ((1.0 if a == b else 0.0) - outer)
+
+
+@cached_njit(error_model="numpy")
+def _add_blocks(place, block, sign, data):  # type: ignore[no-untyped-def]
+    """Add blocks (b, w, w), times a sign, to the entries of a matrix at these places (b, w, w)."""
+    for k in range(len(block)):
+        for a in range(block.shape[1]):
+            for b in range(block.shape[2]):
+                data[place[k, a, b]] += sign * block[k, a, b]

@@ -101,8 +101,8 @@ class SofteningShear(SofteningBonds):
                 response.toward[:, :, None] * response.toward[:, None, :]
             )
         M *= self.length[:, None, None]
-        blocks = [np.swapaxes(self._B[i], 1, 2) @ M @ self._B[j] for i, j in ((0, 0), (1, 1), (0, 1), (1, 0))]
-        return self._assembled(np.concatenate(blocks))
+        ends = (0, 0), (1, 1), (0, 1), (1, 0)
+        return self._assembled(tuple(np.swapaxes(self._B[i], 1, 2) @ M @ self._B[j] for i, j in ends))
 
 
 def softening_of(model: Model, assembly: Assembly, contact: RestingContact | None = None) -> SofteningBonds:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.state import Broken
-from pdsolve.steppers.reused_factors import solve_right_sides_in_blocks
+from pdsolve.steppers.factors import GROUP
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -94,6 +94,12 @@ class DowndatedTangent:
         except np.linalg.LinAlgError:  # nothing else holds a node: iterations will find out
             return solution
         return np.asarray(solution + share @ self._columns)
+
+
+def solve_right_sides_in_blocks(solve: Solve, right_sides: Array) -> Array:
+    """The solutions for right sides (k, p), some at once."""
+    blocks = range(0, right_sides.shape[1], GROUP)
+    return np.hstack([right_sides[:, :0], *(solve(np.asfortranarray(right_sides[:, k : k + GROUP])) for k in blocks)])
 
 
 def _unordered_node_pair_ids(broken_bonds: Broken, node_count: int) -> NDArray[np.int64]:

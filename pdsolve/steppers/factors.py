@@ -1,7 +1,15 @@
-"""Direct solutions of sparse linear equations: SuperLU through SciPy."""
+"""Direct solutions of sparse linear equations: SuperLU through SciPy, and old factors of matrices that have changed.
+
+A = B + E M E^T, where B has factors and E picks the p components whose entries have changed by more than `SLIGHT`. By
+Woodbury's identity A^-1 b = x - X M z with x = B^-1 b, X = B^-1 E and (I + E^T X M) z = E^T x: each component that
+changes costs one more column of X, once (W. W. Hager, SIAM Review 31 (1989) 221-239). A right side that acts on these
+components alone is solved by the columns, without the factors. Iterative refinement corrects what changed slightly.
+Factors are made anew where that would take longer.
+"""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -11,20 +19,31 @@ from numpy.typing import NDArray
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
 # Of symmetric matrices: half of the fill, without pivots off the diagonal
 SYMMETRIC: dict[str, Any] = {
     "permc_spec": "MMD_AT_PLUS_A",
     "diag_pivot_thresh": 0.0,
     "options": {"SymmetricMode": True},
 }
+SLIGHT = 5e-3  # of the largest entry of the diagonal: smaller changes are left to refinement
+GROUP = (
+    4  # components, whose columns are solved for together: for more BLAS takes threads, which cost more than they save
+)
+CHANGED = 640  # components, at most: columns fit into memory, and equations of them take less than factors
+REFINED = 8  # times, at most
+ELSEWHERE = 0.05  # of a right side: if less acts on components that have not changed, that is left to refinement
 
 
-def factorize(matrix: csr_array, symmetric: bool = True) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+def factorize(matrix: csr_array, symmetric: bool = True) -> Callable[[Array], Array]:
     """The function that solves with a matrix (k, k). Raises RuntimeError for a singular one."""
     from scipy.sparse.linalg import splu  # SciPy takes long to import, and few runs ask
 
-    solve: Callable[[NDArray[np.float64]], NDArray[np.float64]]
-    solve = splu(matrix.tocsc(), **(SYMMETRIC if symmetric else {})).solve
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # SuperLU's, of singular matrices
+        solve: Callable[[Array], Array] = splu(matrix.tocsc(), **(SYMMETRIC if symmetric else {})).solve
     return solve
 
 
@@ -36,3 +55,168 @@ def count_negative_eigenvalues(matrix: csr_array) -> int:
     from scipy.sparse.linalg import splu
 
     return int((splu(matrix.tocsc(), **SYMMETRIC).U.diagonal() < 0).sum())
+
+
+class ReusedFactors:
+    """Factors of a matrix (k, k), and solutions with matrices that differ from it, the more in few components."""
+
+    def __init__(self, matrix: csr_array, symmetric: bool = True) -> None:
+        """Matrices may be indefinite; they are `symmetric`, or not. Raises RuntimeError for a singular matrix."""
+        self.matrix, self._inverse = matrix, factorize(matrix, symmetric)
+        self._scale = float(np.abs(matrix.diagonal()).max(initial=0.0))
+        self._room = np.empty((matrix.shape[0], CHANGED + GROUP), order="F")  # for columns X, as they are needed
+        self.components: Index = np.zeros(0, dtype=np.int64)  # (p,) that have changed
+        self._rows: Index | None = None  # of the entries of the matrix
+        self._place = np.full(matrix.shape[0], -1)  # of components among these
+        self._change = np.zeros((0, 0))  # (p, p): M
+        self._coupling = np.zeros((0, 0))  # (p, p): E^T X
+        self._entries: tuple[Index, Index, Index] | None = (
+            None  # of matrices of the same pattern: which, and where in M
+        )
+        self._equations: tuple[Array, Array] | None = None  # LU factors of I + E^T X M; None: to be made
+
+    def changed_components(self, matrix: csr_array) -> Index:
+        """Components (q,) with larger changes of their entries, in order."""
+        row, column, change = self._difference(matrix)
+        large = np.abs(change) > SLIGHT * self._scale
+        is_changed = np.zeros(matrix.shape[0], dtype=bool)
+        is_changed[row[large]] = is_changed[column[large]] = True
+        return np.flatnonzero(is_changed)
+
+    def _difference(self, matrix: csr_array) -> tuple[Index, Index, Array]:
+        """Rows, columns and values of what a matrix has more than that with factors."""
+        if not _have_same_pattern(matrix, self.matrix):
+            difference = (matrix - self.matrix).tocoo()
+            return difference.row, difference.col, difference.data
+        if self._rows is None:
+            self._rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
+        return self._rows, matrix.indices, matrix.data - self.matrix.data
+
+    def keep_components(self, components: Index) -> bool:
+        """Keep columns of these components only, in order, and add what is missing, so that solutions depend on them
+        and not on what was there before; False if they are too many, with as many to come."""
+        groups = np.unique(components // GROUP)
+        if GROUP * len(groups) > CHANGED // 2:
+            return False
+        kept = np.flatnonzero(np.isin(self.components // GROUP, groups))
+        self._order(kept)
+        self.add_columns(components)
+        self._order(np.argsort(self.components))
+        return True
+
+    def _order(self, order: Index) -> None:
+        """Take the columns at these places (q,) for all, and forget changes."""
+        if not np.array_equal(order, np.arange(len(self.components))):
+            self._room[:, : len(order)] = self._room[:, order]
+        self._set_components(self.components[order])
+
+    def _set_components(self, components: Index) -> None:
+        """Take these for the components of the columns, and forget changes."""
+        self._place[self.components] = -1
+        self.components, count = components, len(components)
+        self._place[components] = np.arange(count)
+        self._coupling = np.ascontiguousarray(self._room[components, :count])
+        self._change, self._equations, self._entries = np.zeros((count, count)), None, None
+
+    def add_columns(self, components: Index) -> bool:
+        """Solve for the columns of these components, where they are new; False if they are too many."""
+        groups, size = np.setdiff1d(components // GROUP, self.components // GROUP), len(self._place)
+        if len(self.components) + GROUP * len(groups) > CHANGED:
+            return False
+        if not len(groups):
+            return True
+        components, before, count = self.components, self._change, len(self.components)
+        for group in groups.tolist():
+            rows = np.arange(GROUP * group, min(GROUP * (group + 1), size))
+            unit = np.zeros((size, len(rows)), order="F")
+            unit[rows, np.arange(len(rows))] = 1.0
+            self._room[:, len(components) : len(components) + len(rows)] = self._inverse(unit)
+            components = np.concatenate([components, rows])
+        self._set_components(components)
+        self._change[:count, :count] = before
+        return True
+
+    def add_change(self, components: Index, change: Array) -> bool:
+        """Let the matrix change by (q, q) at these components (q,), each of which is there once; False if too many
+        have changed."""
+        if not self.add_columns(components):
+            return False
+        at = self._place[components]
+        self._change[np.ix_(at, at)] += change
+        self._equations = None
+        return True
+
+    def solve_approximately(self, right_side: Array) -> Array:
+        """The solutions for right sides (k, r), without refinement."""
+        from scipy.linalg import lu_factor, lu_solve
+
+        at, columns = self.components, self._room[:, : len(self.components)]
+        if not len(at):
+            return self._inverse(right_side)
+        if self._equations is None:
+            self._equations = lu_factor(np.eye(len(at)) + self._coupling @ self._change, check_finite=False)
+        inside = right_side[at]
+        squares = (right_side**2).sum(axis=0)
+        if (squares - (inside**2).sum(axis=0) <= ELSEWHERE**2 * squares).all():
+            weights = lu_solve(self._equations, self._coupling @ inside, check_finite=False)
+            return np.asarray(columns @ (inside - self._change @ weights))
+        solution = self._inverse(right_side)
+        weights = lu_solve(self._equations, solution[at], check_finite=False)
+        return np.asarray(solution - columns @ (self._change @ weights))
+
+    def solve(self, matrix: csr_array, right_side: Array, left: float, guess: Array | None = None) -> Array | None:
+        """The solutions of this matrix for right sides (k, r), which leave at most this share of them, from a guess on;
+        None if they take long."""
+        if not self.add_columns(self.changed_components(matrix)):
+            return None
+        self._change[:], self._equations = 0.0, None
+        row, column, change = self._difference(matrix)
+        if self._entries is None or not _have_same_pattern(matrix, self.matrix):
+            row, column = self._place[row], self._place[column]
+            inside = np.flatnonzero((row >= 0) & (column >= 0))
+            self._entries = inside, row[inside], column[inside]
+        inside, row, column = self._entries
+        self._change[row, column] = change[inside]
+        enough = left * np.linalg.norm(right_side, axis=0)
+        solution: Array = np.zeros_like(right_side) if guess is None else guess
+        residual = right_side.copy() if guess is None else right_side - matrix @ guess
+        images: list[tuple[Array, Array]] = []  # steps, and what the matrix makes of them, of norm 1 and orthogonal
+        for _ in range(1 + REFINED):
+            step = self.solve_approximately(residual)
+            image = matrix @ step
+            for earlier_step, earlier_image in images:
+                share = (image * earlier_image).sum(axis=0)
+                step, image = step - share * earlier_step, image - share * earlier_image
+            size = np.linalg.norm(image, axis=0)
+            size[size == 0] = 1.0
+            images.append((step / size, image / size))
+            share = (residual * images[-1][1]).sum(axis=0)
+            solution = solution + share * images[-1][0]
+            residual -= share * images[-1][1]
+            if (np.linalg.norm(residual, axis=0) <= enough).all():
+                return solution
+        return None
+
+
+class Submatrix:
+    """Rows and columns of matrices of one pattern."""
+
+    def __init__(self, components: Index) -> None:
+        """`components` (k,) are those of the part, in order."""
+        self._components = components
+        self._parts: tuple[csr_array, csr_array] | None = None  # a matrix, and its part with numbers of entries
+
+    def of(self, matrix: csr_array) -> csr_array:
+        """The part (k, k), whose pattern is the same array wherever that of the matrix is."""
+        from scipy.sparse import csr_array
+
+        if self._parts is None or not _have_same_pattern(self._parts[0], matrix):
+            numbers = csr_array((np.arange(len(matrix.data)), matrix.indices, matrix.indptr), matrix.shape)
+            self._parts = matrix, numbers[self._components][:, self._components]
+        part = self._parts[1]
+        return csr_array((matrix.data[part.data], part.indices, part.indptr), part.shape)
+
+
+def _have_same_pattern(one: csr_array, other: csr_array) -> bool:
+    """Whether two matrices share the arrays of their pattern; others may be alike, too."""
+    return bool(one.indices.ctypes.data == other.indices.ctypes.data and len(one.indices) == len(other.indices))

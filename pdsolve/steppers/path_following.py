@@ -14,15 +14,17 @@ Units are a plate's, by metre of thickness; in space forces are in N, energies i
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.checkpoint_validation import entry
 from pdsolve.operators.softening_bonds import Response, SofteningBonds
 from pdsolve.steppers.equilibrium import NotConvergedError, ProgressReport, norm
+from pdsolve.steppers.factors import ReusedFactors, Submatrix
 from pdsolve.steppers.path_control import PathControl
-from pdsolve.steppers.reused_factors import ReusedFactorSolver
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -39,6 +41,7 @@ CONVERGING = 20  # iterations of one whose residual has been halved in each beyo
 UNDECIDED = 2  # times that a bond has begun or ceased to load within a step: it gets a mean slope, lest it goes on so
 DECIDED = 3  # iterations without another turn, after which it gets its own slope again
 STEADY = 3  # bonds that turned in an iteration of secants, at most: tangents converge from there
+LEFT = 1e-3  # of the right sides of an iteration, which its solutions may leave
 FAR = 0.5  # of the largest displacement: an iteration goes no further
 
 
@@ -92,8 +95,57 @@ class PathFollower:
     def __init__(self, bonds: SofteningBonds, drive: ProportionalLoads, tolerance: float, control: PathControl) -> None:
         self.bonds, self.drive, self._tolerance, self.control = bonds, drive, tolerance, control
         self._free = np.flatnonzero(~drive.constrained.ravel())
-        self.solver = ReusedFactorSolver(bonds.symmetric)
+        self._free_part, self._factors = Submatrix(self._free), cast("ReusedFactors | None", None)
+        self.reference: tuple[Array, Array] | None = None  # displacements and history whose tangent has factors
         self.largest = 0.0  # N/m, norm of the forces from outside so far: the measure of residuals
+
+    def begin_step(self, displacement: Array) -> None:
+        """Take the factors of the reference, or new ones at these displacements of the last equilibrium.
+
+        Solutions of the step depend on both alone, not on the steps in between.
+        """
+        matrix = self._free_part.of(self.bonds.tangent(self.bonds.respond(displacement)))
+        if self._factors is not None and self.reference is not None:
+            changed = self._factors.changed_components(matrix)
+            before = self._factors.components
+            if self._factors.keep_components(np.union1d(before, changed)) or self._factors.keep_components(changed):
+                return
+        self._factorize(matrix)
+        self.reference = displacement.copy(), self.bonds.kappa.copy()
+
+    def checkpoint_arrays(self) -> dict[str, NDArray[Any]]:
+        """The reference, for a checkpoint; empty without one."""
+        none, components = (np.zeros((0, self.drive.constrained.shape[1])), np.zeros(0)), np.zeros(0, dtype=np.int64)
+        displacement, history = self.reference or none
+        if self._factors is not None and self.reference is not None:
+            components = self._factors.components
+        return {"reference_value": displacement, "reference_history": history, "reference_components": components}
+
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]]) -> None:
+        """Restore the reference of a checkpoint. Raises CheckpointError."""
+        components = entry(checkpoint, "reference_components", (None,), np.int64, 0, len(self._free) - 1)
+        if not len(entry(checkpoint, "reference_history", (None,), float)):
+            return
+        value = entry(checkpoint, "reference_value", self.drive.constrained.shape, float).copy()
+        history = entry(checkpoint, "reference_history", self.bonds.kappa.shape, float).copy()
+        now, self.bonds.kappa = self.bonds.kappa, history
+        factors = self._factorize(self._free_part.of(self.bonds.tangent(self.bonds.respond(value))))
+        self.bonds.kappa, self.reference = now, (value, history)
+        factors.add_columns(components)
+
+    def _factorize(self, matrix: csr_array) -> ReusedFactors:
+        try:
+            self._factors = ReusedFactors(matrix, self.bonds.symmetric)
+        except RuntimeError:
+            raise NotConvergedError("the tangent is singular") from None
+        self.reference = None
+        return self._factors
+
+    def _solve(self, tangent: csr_array, right_sides: Array, guess: Array | None = None) -> Array:
+        """The solutions (f, r) of free components. Raises NotConvergedError."""
+        matrix = self._free_part.of(tangent)
+        solution = None if self._factors is None else self._factors.solve(matrix, right_sides, LEFT, guess)
+        return self._factorize(matrix).solve_approximately(right_sides) if solution is None else solution
 
     def solve_at_load_factor(
         self, start_displacement: Array, load_factor: float, report_progress: ProgressReport
@@ -107,7 +159,7 @@ class PathFollower:
         value, response = start_displacement.copy(), self.bonds.respond(start_displacement)
         way = np.where(drive.constrained, at - start_displacement, 0.0)
         rest, matrix = self._free_residual_forces(response, at), self.bonds.tangent(response)
-        step = self.solver.solve(matrix[free][:, free], rest - (matrix @ way.ravel())[free], True)
+        step = self._solve(matrix, (rest - (matrix @ way.ravel())[free])[:, None])[:, 0]
         value[drive.constrained] = at[drive.constrained]
         value.ravel()[free] += step
         for iteration in range(1, 2 * MOST):
@@ -118,7 +170,7 @@ class PathFollower:
             if residual < self._tolerance:
                 self.largest = max(self.largest, self._external_force_norm(response, at))
                 return PathPoint(value, load_factor, response.spent), iteration, residual
-            step = self.solver.solve(self.bonds.tangent(response)[free][:, free], rest, False)
+            step = self._solve(self.bonds.tangent(response), rest[:, None])[:, 0]
             size, before = 1.0, norm(rest)
             while size > 1e-3:
                 tried = value.copy()
@@ -151,7 +203,7 @@ class PathFollower:
         begin = self.control.control_value(last_point.displacement, last_point.energy_or_arc_length)
         reach = FAR * max(float(np.abs(last_point.displacement).max()), float(np.abs(value).max()))
         response, residual = self.bonds.respond(value), np.inf
-        turns = LoadingReversals(response.releases > 0)
+        turns, b = LoadingReversals(response.releases > 0), np.zeros(len(free))
         for iteration in range(secant_iterations + CONVERGING + 1):
             at = self.drive.loads_and_displacements_at(factor)
             rest = self._free_residual_forces(response, at)
@@ -171,8 +223,8 @@ class PathFollower:
                 slope=np.where(turns.often_reversing_bonds(), (response.slope + response.secant) / 2, response.slope)
             )
             matrix = self.bonds.tangent(mean, iteration < secant_iterations)
-            inner, pushed = matrix[free][:, free], self._free_force_derivative_by_load_factor(matrix)
-            a, b = self.solver.solve(inner, np.column_stack([rest, pushed]), iteration == 0).T
+            pushed = self._free_force_derivative_by_load_factor(matrix)
+            a, b = self._solve(matrix, np.column_stack([rest, pushed]), np.column_stack([0 * b, b])).T
             q = self.control.gradient_by_displacement(value, response)
             held_q = float((q * np.where(self.drive.constrained, self.drive.proportional_part, 0.0)).sum())
             free_q = q.ravel()[free]
@@ -199,11 +251,8 @@ class PathFollower:
     def displacement_derivative_by_load_factor(self, response: Response) -> Array:
         """Derivative (n, d) of displacements by lambda, of bonds that are straight."""
         matrix = self.bonds.tangent(response, secant=True)
-        free = self._free
         way = np.where(self.drive.constrained, self.drive.proportional_part, 0.0)
-        way.ravel()[free] = self.solver.solve(
-            matrix[free][:, free], self._free_force_derivative_by_load_factor(matrix), True
-        )
+        way.ravel()[self._free] = self._solve(matrix, self._free_force_derivative_by_load_factor(matrix)[:, None])[:, 0]
         return way
 
     def _extrapolate_along_secant_direction(self, last_point: PathPoint, control_increment: float) -> PathPoint:

@@ -113,12 +113,16 @@ class SofteningPathSteps(PathStepper):
 
     def checkpoint_arrays(self) -> dict[str, Array]:
         """The path so far, for a checkpoint."""
-        return super().checkpoint_arrays() | {
-            "path_value": self._last.displacement,
-            "path_before": self._before.displacement,
-            "path_pushed": np.array(self._pushed),
-            "path_numbers": np.array([*self._last[1:], *self._before[1:], self._more, self._follower.largest]),
-        }
+        return (
+            super().checkpoint_arrays()
+            | {
+                "path_value": self._last.displacement,
+                "path_before": self._before.displacement,
+                "path_pushed": np.array(self._pushed),
+                "path_numbers": np.array([*self._last[1:], *self._before[1:], self._more, self._follower.largest]),
+            }
+            | self._follower.checkpoint_arrays()
+        )
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken) -> None:
         """Restore a checkpoint after `step`, with the history that its operator has. Raises CheckpointError."""
@@ -130,6 +134,7 @@ class SofteningPathSteps(PathStepper):
         ).tolist()
         self._last, self._before = PathPoint(value.copy(), factor, spent), PathPoint(before.copy(), earlier, less)
         self._bonds.restore(self._operator.checkpoint_arrays(), self._operator.broken())
+        self._follower.restore(checkpoint)
 
     def _finished_path_share(self) -> float:
         """How much of the path is done: of the factor, or of the control until a crack is through, the larger."""
@@ -139,7 +144,9 @@ class SofteningPathSteps(PathStepper):
     def _take_path_step(self, state: State, step: int) -> None:
         if self._contact is not None:
             self._contact.begin(state)
+            self._follower.reference = None  # contact is not part of it
         try:
+            self._follower.begin_step(self._last.displacement)
             new, iterations, residual = (
                 self._solve_first_path_step(state) if not self.step_results else self._advance_to_next_equilibrium(step)
             )

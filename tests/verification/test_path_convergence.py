@@ -41,7 +41,7 @@ def notched(by: str = "displacement", **law: Any) -> Model:
 def test_convergence_is_quadratic(law: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """Each residual is at most a multiple of the square of the one before, once it is decided which bonds load."""
     monkeypatch.setattr("pdsolve.steppers.path_steps.COARSEST", 1e-11)
-    monkeypatch.setattr("pdsolve.steppers.reused_factors.LEFT", 1e-11)
+    monkeypatch.setattr("pdsolve.steppers.path_following.LEFT", 1e-11)
     prepared, found = prepare(notched(**law), ONE), dict[int, list[float]]()
     stepper = prepared.system.stepper
     assert isinstance(stepper, SofteningPathSteps)
