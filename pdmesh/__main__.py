@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -60,6 +59,7 @@ def parser() -> argparse.ArgumentParser:
     schema = commands.add_parser("schema", help="print the JSON Schema of the grid file")
     schema.add_argument("-o", "--output", type=Path, metavar="FILE", help="the file to write (default: stdout)")
     schema.add_argument("--force", action="store_true", help="overwrite the output if it exists")
+    schema.add_argument("--json", action="store_true", help="accepted for uniformity: the schema is JSON")
     schema.set_defaults(run=_schema, quiet=False)
     doctor = commands.add_parser("doctor", help="list what is installed and what is missing, and how to install it")
     doctor.add_argument("--json", action="store_true", help="print the findings as JSON on stdout")
@@ -87,11 +87,12 @@ def _add_mode(command: argparse.ArgumentParser) -> None:
 
 def _add_drawing(command: argparse.ArgumentParser, output: str) -> None:
     command.add_argument("drawing", type=Path, help=DRAWING)
-    commandline.add_common_options(
+    commandline.add_common_options(command, output)
+    commandline.add_assignments(
         command,
-        output=output,
-        assignment="override a parameter of the drawing, such as Zones/fine/Spacing=0.5mm, or a"
-        " setting as pdsolve names it, such as material.E=65GPa; numbers without a unit are in the drawing's",
+        "--set",
+        "override a parameter of the drawing, such as Zones/fine/Spacing=0.5mm, or a setting as pdsolve names it, such"
+        " as material.E=65GPa; numbers without a unit are in the drawing's",
     )
     command.add_argument(
         "--refine",
@@ -140,6 +141,9 @@ def _build(args: argparse.Namespace) -> int:
     built = build_file(args.drawing, _assigned(args), args.refine, args.trust, args.cracks)
     grid, settings = built.grid, built.settings
     refuse(settings, grid.dimension, str(args.drawing))
+    unheard = unused_settings.in_vain(settings, [name for name, value in args.assignments if value != "{}"])
+    if unheard is not None:
+        raise commandline.UsageError(unheard)
     if not args.dry_run:
         write_file(built.document, path)
     counts = nodes_by_spacing(grid)
@@ -173,31 +177,14 @@ def _build(args: argparse.Namespace) -> int:
 
 def _document(args: argparse.Namespace) -> Document:
     """The model in a .json file, or the model that any other file would be built into."""
-    from pdmesh.drawing.file_reading import build_file
-    from pdmesh.model.document import Settings, read_file
+    from pdmesh.drawing.file_reading import build_file, document_with_settings
+    from pdmesh.model.document import read_file
 
     assigned = _assigned(args)
     if args.drawing.suffix.lower() == ".json" and not (args.refine or args.cracks):
-        if not assigned:
-            return read_file(args.drawing)
-        # names of settings of a model, such as material.coarse, and none of a drawing's parameters
-        are_settings = (
-            "." in name and name.partition(".")[0] in Settings.__struct_fields__ for name, _ in args.assignments
-        )
-        if len(assigned) == len(args.assignments) and all(are_settings):
-            # settings laid over those in the file, as the solver has them
-            import msgspec
-
-            from pdmesh.model.document import GridWarning, read_file
-            from pdsolve import read_model
-
-            document = read_file(args.drawing)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", GridWarning)  # it is read twice
-                settings = read_model(args.drawing, None, args.assignments).settings
-            return msgspec.structs.replace(
-                document, **{name: getattr(settings, name) for name in settings.__struct_fields__}
-            )
+        document = document_with_settings(args.drawing, assigned) if assigned else read_file(args.drawing)
+        if document is not None:
+            return document
     return build_file(args.drawing, assigned, args.refine, args.trust, args.cracks).document
 
 

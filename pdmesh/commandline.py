@@ -109,8 +109,8 @@ class Parser(argparse.ArgumentParser):
             return
         choices = list(map(str, action.choices))
         near = meant(str(value), choices)
-        hint = f" (did you mean '{near}'?)" if near else ""
-        raise argparse.ArgumentError(action, f"'{value}' is unknown; use one of {', '.join(choices)}{hint}")
+        instead = f"did you mean '{near}'?" if near else f"use one of {', '.join(choices)}"
+        raise argparse.ArgumentError(action, f"'{value}' is unknown; {instead}")
 
 
 class _Version(argparse.Action):
@@ -151,23 +151,19 @@ def program(name: str, description: str) -> Parser:
     return parser
 
 
-def add_common_options(parser: argparse.ArgumentParser, output: str, assignment: str) -> None:
-    """Add the options that every command has; `output` and `assignment` are their help texts."""
+def add_common_options(parser: argparse.ArgumentParser, output: str, with_json: str = "") -> None:
+    """Add the options that every command has; `output` is a help text, and `with_json` what --json does besides."""
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help=output)
     parser.add_argument("--force", action="store_true", help="overwrite the output if it exists")
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        type=_assignment,
-        dest="assignments",
-        metavar="NAME=VALUE",
-        help=assignment,
-    )
-    parser.add_argument(
-        "--json", action="store_true", help="print the result as JSON on stdout; a picture is drawn only with -o then"
-    )
+    parser.add_argument("--json", action="store_true", help=f"print the result as JSON on stdout{with_json}")
     parser.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors and warnings")
+
+
+def add_assignments(parser: argparse.ArgumentParser, option: str, what: str) -> None:
+    """Add an `option` that sets a value by its name, and may be repeated; its help is `what`."""
+    parser.add_argument(
+        option, action="append", default=[], type=_assignment, dest="assignments", metavar="NAME=VALUE", help=what
+    )
 
 
 def add_trust(parser: argparse.ArgumentParser) -> None:

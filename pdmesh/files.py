@@ -26,7 +26,10 @@ LARGEST = 2**34  # bytes that are read; more than any model that fits into a mem
 
 def check_regular(path: Path, largest: int = LARGEST) -> None:
     """Raise OSError, with a message in ``strerror``, unless there is a regular file of at most `largest` bytes."""
-    status = os.stat(path)
+    try:
+        status = os.stat(path)
+    except FileNotFoundError:
+        raise FileNotFoundError(errno.ENOENT, "there is no such file; check its name and folder", str(path)) from None
     if stat.S_ISDIR(status.st_mode):
         raise IsADirectoryError(errno.EISDIR, "is a folder; name a file", str(path))
     kind = KINDS.get(stat.S_IFMT(status.st_mode))

@@ -66,9 +66,9 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _matplotlib(word: str) -> str:
-    """The setting of matplotlib that an unknown option may mean, as --set gives it; "" if there is none."""
+    """The setting of matplotlib that an unknown option may mean, as --style gives it; "" if there is none."""
     name = meant(word, ("savefig.dpi", "font.size", "figure.figsize", "image.cmap"), cutoff=1.0)
-    return f"--set {name}=VALUE" if name else ""
+    return f"--style {name}=VALUE" if name else ""
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -44,9 +44,10 @@ def parser() -> argparse.ArgumentParser:
     )
     program.add_argument("model", type=Path, help="a grid file in JSON; with --resume, a database of results")
     commandline.add_common_options(
-        program,
-        output="the database (default: the model's name with .sqlite, in the current folder)",
-        assignment="override a setting of the model, such as run.steps=500 or material.E=65GPa",
+        program, "the database (default: the model's name with .sqlite, in the current folder)"
+    )
+    commandline.add_assignments(
+        program, "--set", "override a setting of the model, such as run.steps=500 or material.E=65GPa"
     )
     program.add_argument("--settings", type=Path, metavar="TOML", help="settings that override those of the model")
     program.add_argument(

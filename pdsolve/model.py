@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import tomllib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,7 +18,6 @@ from pdmesh.model.consistency import examine
 from pdmesh.model.contact import RigidBody
 from pdmesh.model.document import (
     LARGEST,
-    SPACE_VERSION,
     GridError,
     InitialConcentration,
     Material,
@@ -35,7 +32,6 @@ from pdmesh.model.document import (
     in_steps,
     read_file,
     settings_of,
-    tables_beside,
 )
 from pdmesh.model.document import read_document as parse_document
 from pdmesh.model.fracture_energy import with_fracture_energy
@@ -45,7 +41,7 @@ from pdmesh.model.node_grid import Grid, document_of, grid_of
 from pdmesh.model.number_bounds import beyond
 from pdmesh.model.output_fields import OF_CONTENT
 from pdmesh.model.rigid_bodies import densities, without_bonds
-from pdmesh.model.suggestions import explained, may_be_none
+from pdmesh.model.settings_overlay import ModelError, overlaid
 from pdmesh.model.values_at_places import values_at, vectors_at
 from pdmesh.model.values_of_place import Value, is_of_place
 
@@ -53,8 +49,6 @@ PARTS = {"mechanics": ("material",), "diffusion": ("medium",), "thermoelastic": 
 NEEDED = {"material": "E, rho and G0", "medium": "D"}
 REGIONS = {"material": ("material", "regions"), "medium": ("medium", "media")}
 CONDITIONS = {"material": get_args(OfMechanics), "medium": get_args(OfDiffusion)}
-NESTED = "values are nested too deep to be read; use those of the grid file"
-POINTED = re.compile(r"[+-]?(\d+\.|\.\d+)([eE][+-]?\d+)?")  # .5 and 1., which are no numbers of TOML
 
 
 class ModelWarning(UserWarning):
@@ -65,10 +59,6 @@ class ModelNote(ModelWarning):
     """What a run will do, for information: its model means what its author intends; one line."""
 
     informs = True  # left out by --quiet
-
-
-class ModelError(ValueError):
-    """A model that cannot be solved; the message names the place, what was found and what was expected."""
 
 
 def counted(model: Model, step: float) -> Model:
@@ -335,123 +325,10 @@ def read_model(path: FilePath, settings: FilePath | None = None, assignments: Se
     """
     path, settings = Path(path), None if settings is None else Path(settings)
     document = read_file(path)
-    space = document.version == SPACE_VERSION
-    merged = overlaid(settings_of(document), path, settings, assignments, 3 if space else 2)
-    if space:
-        layers = [] if settings is None else [_read_toml(settings)]
-        layers += [_nested(name, _toml_value(name, text)) for name, text in assignments]
-        for layer in layers:
-            material = layer.get("material")
-            plane = material.get("plane", "space") if isinstance(material, dict) else "space"
-            if plane != "space":
-                raise ModelError(f"{path}: material.plane is '{plane}'; use space, or none, in a body in space")
+    merged = overlaid(settings_of(document), path, settings, assignments, document.dimension)
     grid = grid_of(document, str(path))
     examine(grid, str(path))
     return Model(grid, merged, str(path))
-
-
-def overlaid(
-    below: Settings,
-    path: Path,
-    settings: Path | None = None,
-    assignments: Sequence[tuple[str, str]] = (),
-    dimension: int = 2,
-) -> Settings:
-    """Settings of the file at `path`, overridden by a TOML file and then by assignments.
-
-    Tables of a model in the plane (2) or in space (3) are read beside the file that names them. Raises ModelError,
-    GridError.
-    """
-    layers = msgspec.to_builtins(below, builtin_types=())
-    if settings is not None:
-        above = _read_toml(settings)
-        layers = _laid_over(_without_other_end(layers, above), above)
-    for name, text in assignments:
-        value = _toml_value(name, text)
-        layers = _without_other_end(layers, _nested(name, value))
-        if name == "run.fields" and isinstance(value, str):
-            # All, the listed ones, or after a plus the listed ones besides those there are
-            run, fields = layers["run"], value.removeprefix("+").split(",")
-            if value == "all":
-                fields = list(Run().fields)
-            elif value.startswith("+") and isinstance(run, dict):
-                earlier = run.get("fields", Run().fields)
-                fields = [*earlier, *fields] if isinstance(earlier, list | tuple) else fields
-            value = list(dict.fromkeys(fields))
-        layers = _laid_over(layers, _nested(name, value))
-    try:
-        merged = msgspec.convert(layers, Settings)
-    except msgspec.ValidationError as error:
-        names = " + ".join(map(str, filter(None, [path, settings])))
-        raise ModelError(f"{names}: {explained(error, Settings, lambda: layers)}") from None
-    tables = tables_beside(merged.conditions, settings or path, dimension)
-    return msgspec.structs.replace(merged, conditions=tables)
-
-
-def _without_other_end(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """Settings `below` without the duration if `above` gives steps, and the other way round; likewise G0 and the
-    critical stretch."""
-    for part, either in (("run", ("steps", "duration")), ("material", ("G0", "critical_stretch"))):
-        new, old = above.get(part), below.get(part)
-        names_above = [name for name in either if isinstance(new, dict) and new.get(name) is not None]
-        if len(names_above) == 1 and isinstance(old, dict):
-            below = below | {part: {name: value for name, value in old.items() if name not in either}}
-    return below
-
-
-def _read_toml(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be read: {error.strerror}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise ModelError(f"{path}: {explained(error, Settings, dict)}") from None
-    except ValueError as error:  # a number may be too long
-        raise ModelError(f"{path}: {error}") from None
-    except RecursionError:
-        raise ModelError(f"{path}: {NESTED}") from None
-
-
-def _toml_value(name: str, text: str) -> Any:
-    try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except ValueError:
-        return float(text) if POINTED.fullmatch(text) else _word(name, text)
-    except RecursionError:
-        raise ModelError(f"--set {name}: {NESTED}") from None
-
-
-def _word(name: str, text: str) -> float | str | None:
-    """A bare word: a number such as ``65GPa`` in the unit of its setting, ``none`` where a setting may be left out.
-
-    Raises ModelError for another unit.
-    """
-    from pdmesh.quantities import NUMBER, number_in
-
-    if text == "none" and may_be_none(name, Settings):
-        return None
-    if NUMBER.fullmatch(text) is None:
-        return text
-    from pdmesh.model.settings_table import unit_of  # reads source files
-
-    unit = unit_of(name)
-    try:
-        return number_in(text, unit) if unit else text
-    except ValueError as error:
-        raise ModelError(f"$.{name} is '{text}'; use {error}") from None
-
-
-def _nested(name: str, value: Any) -> dict[str, Any]:
-    for key in reversed(name.split(".")):
-        value = {key: value}
-    nested: dict[str, Any] = value
-    return nested
-
-
-def _laid_over(below: Any, above: Any) -> Any:
-    if isinstance(below, dict) and isinstance(above, dict):
-        return below | {key: _laid_over(below.get(key), value) for key, value in above.items()}
-    return above
 
 
 __all__ = ["GridError", "Model", "ModelError", "model_of", "overlaid", "read_model"]

@@ -397,7 +397,7 @@ RIGHT_ANSWERS = (
         "tests/unit/pdmesh/model/test_fracture_energy.py::test_a_body_beside_has_it_at_its_own_spacing",
     ),
     Mutant(
-        "pdsolve/model.py",
+        "pdmesh/model/settings_overlay.py",
         '("material", ("G0", "critical_stretch"))):',
         "):",
         "tests/unit/pdmesh/model/test_fracture_energy.py::test_a_scene_with_a_zone_and_a_region",

@@ -1,23 +1,26 @@
-"""Additions from the command line to any drawing, ``--refine`` and ``--crack``.
+"""Additions from the command line to any drawing: ``--refine``, ``--crack``, and settings of the solver by ``--set``.
 
 A model stores them among its parameters, so that it can be built again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from pathlib import Path
+from typing import Any, TypeVar
 
 from pdmesh.drawing.parameters import unit_of
-from pdmesh.model.document import ADAPTS
+from pdmesh.model.document import ADAPTS, Horizon, Medium, Settings
+from pdmesh.model.settings_overlay import ModelError, overlaid
 from pdmesh.quantities import UNITS, Unit, quantities, quantity
 from pdmesh.scene.body import Body
 from pdmesh.scene.plate import Refinement
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
 
-REFINE, CRACK = "--refine ", "--crack "  # begin the names under which a model keeps what was added
+# What begins the names under which a model keeps what was added
+REFINE, CRACK, SET = "--refine ", "--crack ", "--set "
 ADAPT = "--adapt"  # likewise, the name of how it is to be solved
 
 
@@ -59,12 +62,54 @@ def adapted(scene: S, adapt: str | None) -> S:
     return replace(scene, parameters=tuple((dict(scene.parameters) | {ADAPT: adapt}).items()))
 
 
+def split_settings(
+    assignments: Sequence[tuple[str, str]], drawn: Container[str]
+) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
+    """Assignments to a drawing, and to settings of the solver that are none of the names that are `drawn`."""
+    laid_over = [
+        (name, text)
+        for name, text in assignments
+        if "." in name and name.partition(".")[0] in Settings.__struct_fields__ and name not in drawn
+    ]
+    return [pair for pair in assignments if pair not in laid_over], laid_over
+
+
+def with_settings(scene: S, path: Path, assignments: Sequence[tuple[str, str]]) -> S:
+    """The scene with settings of the solver laid over its own, which are kept among its parameters.
+
+    Raises SceneError.
+    """
+    if not assignments:
+        return scene
+    parts: dict[str, Any] = {"material": scene.material, "run": scene.run, "contact": scene.touching}
+    parts |= {"horizon": Horizon(ratio=scene.horizon)} | (
+        {"area_rule": scene.area_rule} if isinstance(scene, Scene) else {}
+    )
+    if isinstance(scene.medium, Medium):
+        parts["medium"] = scene.medium
+    for name, _ in assignments:
+        if name.partition(".")[0] not in parts:
+            raise SceneError(f"parameter '{name}' is a setting that no drawing has; give it to pdsolve")
+    try:
+        settings = overlaid(Settings(**parts), path, None, assignments, 2 if isinstance(scene, Scene) else 3)
+    except ModelError as error:
+        raise SceneError(str(error).removeprefix(f"{path}: ").removeprefix(f"{path} with ")) from None
+    changed = {name: getattr(settings, name) for name in parts}
+    changed |= {"horizon": settings.horizon.ratio, "touching": changed.pop("contact")}
+    parameters = dict(scene.parameters) | {SET + name: text for name, text in assignments}
+    return replace(scene, **changed, parameters=tuple(parameters.items()))
+
+
 def sorted_out(parameters: Mapping[str, float | str]) -> tuple[list[tuple[str, str]], list[str], list[str]]:
     """A model's parameters, split into assignments to its drawing, refinements and cracks."""
     refine, cracks = (
         [str(word) for name, word in parameters.items() if name.startswith(key)] for key in (REFINE, CRACK)
     )
-    assignments = [(name, str(value)) for name, value in parameters.items() if not name.startswith((REFINE, CRACK))]
+    assignments = [
+        (name.removeprefix(SET), str(value))
+        for name, value in parameters.items()
+        if not name.startswith((REFINE, CRACK))
+    ]
     return assignments, refine, cracks
 
 

@@ -6,14 +6,18 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from pdmesh.drawing.additions import ADAPT, adapted, added, sorted_out
-from pdmesh.drawing.parameters import Parameter, full_name, unknown
+import msgspec
+
+from pdmesh.drawing.additions import ADAPT, adapted, added, sorted_out, split_settings, with_settings
+from pdmesh.drawing.parameters import OF_SETTINGS, Parameter, full_name, unknown
 from pdmesh.drawing.scratch import scratch
 from pdmesh.file_kinds import CAD, MESHES
 from pdmesh.files import FilePath
 from pdmesh.grid import building
 from pdmesh.grid.building import Built, looked_at
-from pdmesh.model.document import read_file
+from pdmesh.model.document import Document, Settings, read_file, settings_of
+from pdmesh.model.node_grid import grid_of
+from pdmesh.model.settings_overlay import overlaid
 from pdmesh.scene.body import Body
 from pdmesh.scene.files_of_values import with_files
 from pdmesh.scene.scene import Scene
@@ -44,14 +48,17 @@ def _read_scene(
 ) -> Scene | Body:
     if path.suffix.lower() == ".json":
         return _again(path, assignments, refine, trust, cracks)
-    scene = _read(path, [(name, value) for name, value in assignments if name != ADAPT], trust)
+    # a program has variables, without dots in their names; a drawing has settings of the solver as parameters
+    drawn = () if path.suffix.lower() == ".py" else OF_SETTINGS
+    to_drawing, to_settings = split_settings([pair for pair in assignments if pair[0] != ADAPT], drawn)
+    scene = _read(path, to_drawing, trust)
     with errors_at(path):
         if isinstance(scene, Body):
             for option, option_value in (("--refine", refine), ("--crack", cracks)):
                 if option_value:
                     raise SceneError(f"{option} is for plates; leave it out for a body in space")
-            return adapted(scene, dict(assignments).get(ADAPT))
-        return added(scene, refine, cracks, dict(assignments).get(ADAPT))
+            return adapted(with_settings(scene, path, to_settings), dict(assignments).get(ADAPT))
+        return added(with_settings(scene, path, to_settings), refine, cracks, dict(assignments).get(ADAPT))
 
 
 def build_file(
@@ -66,6 +73,10 @@ def build_file(
     Raises UntrustedError, SceneError or GridError.
     """
     path = Path(path)
+    if path.suffix.lower() == ".json" and not (refine or cracks):
+        document = document_with_settings(path, assignments)
+        if document is not None and not document.drawing:
+            return Built(grid_of(document, str(path)), settings_of(document))
     if path.suffix.lower() in MESHES:
         from pdmesh.drawing.meshes import read_mesh
 
@@ -84,6 +95,18 @@ def build_file(
         scene = read_scene(path, assignments, refine, trust, cracks)
     with errors_at(path):
         return building.build(scene)
+
+
+def document_with_settings(path: Path, assignments: Sequence[tuple[str, str]]) -> Document | None:
+    """The model in a .json file with settings laid over its own; None without any or with parameters of a drawing.
+
+    Raises GridError or ModelError.
+    """
+    if not assignments or split_settings(assignments, ())[0]:
+        return None
+    document = read_file(path)
+    settings = overlaid(settings_of(document), path, None, assignments, document.dimension)
+    return msgspec.structs.replace(document, **{name: getattr(settings, name) for name in Settings.__struct_fields__})
 
 
 def file_parameters(

@@ -11,10 +11,9 @@ import msgspec
 import msgspec.inspect as inspection
 import numpy as np
 
-from pdmesh.model.document import ADAPTS, Contact, Run, Settings, Static
+from pdmesh.model.document import ADAPTS, Contact, Run, Static
 from pdmesh.model.material import DECLARED, Material
 from pdmesh.model.medium import Medium
-from pdmesh.model.suggestions import dotted_names
 from pdmesh.quantities import UNITS, Unit, number_in
 from pdmesh.scene.actions import converted
 from pdmesh.scene.conditions import Profile, parse_profile
@@ -275,10 +274,7 @@ def unknown(
 ) -> str:
     """Message about an unknown parameter: the one of `names` that it means or is similar to, or where to see them."""
     names = list(names)
-    near = meant(name, names, cutoff=1.0)
-    if not near and name in dotted_names(Settings):
-        return f"parameter '{name}' is a setting of the solver; give it to pdsolve"
-    near = near or meant(name, names)
+    near = meant(name, names)
     use = f"did you mean '{prefix}{near}'?" if near else "pdmesh params lists those of a drawing"
     return f"parameter '{prefix}{name}' {problem}; {use}{also}"
 

@@ -316,6 +316,11 @@ class Document(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     parameters: dict[str, float | str] = msgspec.field(default_factory=dict)  # of that drawing, as used
     digest: str = ""  # of the text before it; only files hold it
 
+    @property
+    def dimension(self) -> int:
+        """2 for a plate, 3 for a body in space."""
+        return 3 if self.version == SPACE_VERSION else 2
+
 
 class GridFile(Document, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A document as its text has it."""
@@ -367,7 +372,7 @@ def read_file(path: Path) -> Document:
         finally:
             digest.end()
         _compare(str(path), all(matches))
-    conditions = tables_beside(document.conditions, path, 3 if document.version == SPACE_VERSION else 2)
+    conditions = tables_beside(document.conditions, path, document.dimension)
     return msgspec.structs.replace(document, conditions=conditions)
 
 

@@ -42,7 +42,7 @@ def grid_of(document: Document, name: str) -> Grid:
     first, counts = np.unique(ids, return_counts=True)
     if counts.max() > 1:
         raise GridError(f"{name}: $.nodes: id {first[counts.argmax()]} is there {counts.max()} times; use it once")
-    d = 3 if document.version == SPACE_VERSION else 2
+    d = document.dimension
     try:
         bodies = bodies_of(document.bodies, ids)
     except ValueError as error:
@@ -79,7 +79,7 @@ def grid_of(document: Document, name: str) -> Grid:
 
 def _grid_of_lattice(document: Document, lattice: Lattice, name: str) -> Grid:
     """The grid of a document that holds a lattice in place of nodes. Raises GridError."""
-    d = 3 if document.version == SPACE_VERSION else 2
+    d = document.dimension
     if len(lattice.counts) != d or len(lattice.origin) != d:
         description = f"{len(lattice.origin)} numbers of its origin and layers {lattice.layers}"
         raise GridError(f"{name}: $.lattice has {description}; give {'3 and a number' if d == 3 else '2 and none'}")
@@ -137,7 +137,7 @@ def _check_shapes(name: str, document: Document) -> None:
 
 def _check_dimensions(name: str, document: Document) -> None:
     """Raise GridError for shapes of a body in a plate, and vice versa."""
-    space = document.version == SPACE_VERSION
+    space = document.dimension == 3
     d, model_kind = (3, "a body in space") if space else (2, "a plate")
     for number, crack in enumerate(document.notch):
         if len(crack) != (9 if space else 6):
@@ -159,7 +159,7 @@ def _check_dimensions(name: str, document: Document) -> None:
 
 
 def _cracks(document: Document) -> NDArray[np.float64]:
-    if document.version == SPACE_VERSION:
+    if document.dimension == 3:
         return np.array(document.notch, dtype=float).reshape(-1, 9)
     return np.array(document.notch, dtype=float).reshape(-1, 6)[:, [0, 1, 3, 4]]
 

@@ -137,7 +137,10 @@ def _instead(name: str, place: str, kind: type, given: Callable[[], Any]) -> str
         tables = [one for one in tables if one.tag_field is None or value.get(one.tag_field) == one.tag]
     own = list(dict.fromkeys(field.encode_name for one in tables for field in one.fields))
     elsewhere = [dotted for dotted in dotted_names(kind) if "." in dotted] if len(name) > 1 or name in "ED" else []
-    if near := meant(name, own) or meant(name, elsewhere, cutoff=1.0):
+    above = f"{place.removeprefix('$.')}." if place != "$" else ""
+    near = meant(name, own)
+    near = f"{above}{near}" if near else meant(name, elsewhere, cutoff=1.0)
+    if near:
         return f"did you mean `{near}`?"
     return f"use {listed(own)}" if own else "leave it out"
 

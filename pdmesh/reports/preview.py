@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pdmesh.files import write_atomically
 from pdmesh.model import selection
 from pdmesh.model.bond_counts import pair_count
-from pdmesh.model.document import SPACE_VERSION, Document, settings_of
+from pdmesh.model.document import Document, settings_of
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.visibility import plate_of
 from pdmesh.plain_figure import Figure, formats
@@ -37,7 +37,7 @@ def draw(document: Document, name: str, with_bonds: bool = False) -> Figure:
 
     Raises GridError, and SceneError for the bonds of a body in space.
     """
-    if document.version == SPACE_VERSION:
+    if document.dimension == 3:
         if with_bonds:
             raise SceneError(f"{name}: --bonds is for plates; leave it out for a body in space")
         return body_preview.draw(document, name)

@@ -81,9 +81,9 @@ def _slit(crack: Crack, around: _Around) -> Slit:
         for part in shapely.get_parts(crack.line.difference(around.inside)):
             if part.length > longest or shapely.distance(part, ends).min() > 0 or len(inside_parts) != 1:
                 x, y = shapely.get_coordinates(part)[-1]
+                allowed = f", but for ends of at most {longest:g} m" if inside_parts else ""
                 raise SceneError(
-                    f"crack '{crack.name}' is at ({x:g}, {y:g}) m outside the plate; put all of it inside, but for"
-                    f" ends of at most {longest:g} m"
+                    f"crack '{crack.name}' is at ({x:g}, {y:g}) m outside the plate; put all of it inside{allowed}"
                 )
         line = inside_parts[0]
     points = shapely.get_coordinates(line)

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING
 from pdmesh import commandline
 from pdpost.commands.pictures import FIELDS
 from pdpost.commands.shared import (
-    MATPLOTLIB,
+    NO_PICTURE,
     add_clip,
     add_colours,
     add_every,
     add_results,
     add_scale,
+    add_style,
     add_window,
     check_window,
     chosen_scale,
@@ -55,7 +56,8 @@ def _patience(text: str) -> float:
 
 def _add_field(command: argparse.ArgumentParser, output: str) -> None:
     add_results(command)
-    commandline.add_common_options(command, output=output, assignment=MATPLOTLIB)
+    commandline.add_common_options(command, output, NO_PICTURE)
+    add_style(command)
     command.add_argument(
         "--field",
         choices=FIELDS,

@@ -54,8 +54,7 @@ def add(commands: Commands) -> None:
 
 
 def _add_body_command(commands: Commands, name: str, about: str) -> argparse.ArgumentParser:
-    setting = "override a matplotlib setting, such as savefig.dpi=300"
-    command = add_picture_command(commands, name, about, assignment=setting)
+    command = add_picture_command(commands, name, about)
     add_frame(command)
     add_largest(command)
     command.add_argument(

@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING
 from pdmesh import commandline
 from pdpost.commands.pictures import FIELDS
 from pdpost.commands.shared import (
-    MATPLOTLIB,
+    NO_PICTURE,
     add_colours,
     add_frame,
     add_journal,
     add_scale,
+    add_style,
     add_window,
     check_window,
     chosen_frame,
@@ -42,10 +43,9 @@ def add(commands: Commands) -> None:
         "--titles", metavar="A,B,...", help="what stands above the pictures (default: the names of the files)"
     )
     commandline.add_common_options(
-        compare,
-        output="the picture, in the format of its suffix (default: compare.png)",
-        assignment=MATPLOTLIB,
+        compare, "the picture, in the format of its suffix (default: compare.png)", NO_PICTURE
     )
+    add_style(compare)
     add_journal(compare)
     add_frame(compare)
     add_scale(compare, "0")

@@ -7,13 +7,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
-from pdmesh.spelling import meant
+from pdmesh.model.output_fields import CRACKED
 from pdpost.commands import number_options, overlay
 from pdpost.commands.shared import (
+    NO_PICTURE,
     add_csv,
     add_frame,
     add_journal,
     add_results,
+    add_style,
     add_window,
     check_window,
     chosen_frame,
@@ -50,12 +52,20 @@ def add(commands: Commands) -> None:
     crack.add_argument(
         "--surface", type=Path, metavar="FILE", help="write the crack surface of a body (.vtp for ParaView, .stl)"
     )
+    crack.add_argument(
+        "--cracked",
+        type=_damage,
+        default=CRACKED,
+        metavar="DAMAGE",
+        help="the damage above which a node is cracked (default: %(default)s)",
+    )
     commandline.add_common_options(
         crack,
-        output="the picture, in the format of its suffix (default: the results' name with .crack.png; none with --json"
-        " or --csv alone)",
-        assignment="override a definition, cracked=0.35 (damage of a cracked node), or a matplotlib setting",
+        "the picture, in the format of its suffix (default: the results' name with .crack.png; none with --json or"
+        " --csv alone)",
+        NO_PICTURE,
     )
+    add_style(crack)
     add_journal(crack)
     add_csv(crack)
     crack.set_defaults(run=_crack)
@@ -65,12 +75,11 @@ def _crack(args: argparse.Namespace) -> int:
     from pdpost.reading.studies import is_study
     from pdsolve.results import Results
 
-    threshold = _threshold(args)
+    threshold = args.cracked
     if is_study(args.results):
         return overlay.overlaid(args, threshold)
     path = picture_path(args, ".compare.png" if args.compare else ".crack.png")
-    look = {name: value for name, value in args.assignments if name != "cracked"}
-    with number_options.styled(path, look), Results.open(args.results) as results:
+    with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         if results.dimension == 3:
             return _of_body(args, results, threshold, path)
         if args.surface is not None:
@@ -171,21 +180,12 @@ def _step(args: argparse.Namespace, results: Results) -> int:
     return last if args.step is None else int(args.step)
 
 
-def _threshold(args: argparse.Namespace) -> float:
-    from pdmesh.model.output_fields import CRACKED
-
-    threshold = CRACKED
-    for name, value in args.assignments:
-        if name != "cracked":
-            if "." not in name and meant(name, ("cracked",)):  # settings of matplotlib have a dot
-                raise commandline.UsageError(f"--set {name} is no setting of this command; did you mean cracked?")
-            continue
-        try:
-            threshold = float(value)
-        except ValueError:
-            threshold = -1.0
-        if not 0 <= threshold < 1:
-            raise commandline.UsageError(
-                f"--set {name}={value} is not a setting of this command; use cracked= and a damage from 0 to below 1"
-            )
-    return threshold
+def _damage(text: str) -> float:
+    """A damage from 0 to below 1, as an option's type."""
+    try:
+        damage = float(text)
+    except ValueError:
+        damage = -1.0
+    if not 0 <= damage < 1:
+        raise argparse.ArgumentTypeError(f"cannot read '{text}'; use a damage from 0 to below 1")
+    return damage

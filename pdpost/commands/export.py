@@ -28,9 +28,7 @@ def add(commands: Commands) -> None:
     )
     add_results(export)
     commandline.add_common_options(
-        export,
-        output="the file, in the format of its suffix (default: the results' name with .pvd)",
-        assignment="none is known here",
+        export, "the file, in the format of its suffix (default: the results' name with .pvd)"
     )
     add_frame(export)
     add_every(export)
@@ -60,8 +58,6 @@ def _export(args: argparse.Namespace) -> int:
     from pdpost.reading.stored_fields import diffuses
     from pdsolve.results import Results
 
-    if args.assignments:
-        raise commandline.UsageError(f"--set {args.assignments[0][0]}: export has no settings; leave it out")
     path = commandline.output_path(args.output, args.results, ".pvd", args.force)
     kind = frame_files.check_suffix(path)
     single_frame = kind in (".vtu", ".csv")

@@ -37,9 +37,7 @@ def add(commands: Commands) -> None:
     )
     add_results(notch)
     commandline.add_common_options(
-        notch,
-        output="the grid file (default: the results' name with .notch.json; none with --json or --csv alone)",
-        assignment="none is known here",
+        notch, "the grid file (default: the results' name with .notch.json; none with --json or --csv alone)"
     )
     add_frame(notch)
     add_csv(notch)
@@ -53,8 +51,6 @@ def _notch(args: argparse.Namespace) -> int:
     from pdpost.reading.embedded_model import model_text
     from pdsolve.results import Results
 
-    if args.assignments:
-        raise commandline.UsageError(f"--set {args.assignments[0][0]}: notch has no settings; leave it out")
     none = args.output is None and (args.json or args.csv is not None)
     path = None if none else commandline.output_path(args.output, args.results, ".notch.json", args.force)
     check_csv(args, path)

@@ -22,9 +22,8 @@ def overlaid(args: argparse.Namespace, threshold: float) -> int:
     if any(getattr(args, name) is not None for name in ALONE):
         raise commandline.UsageError(f"a study cannot be combined with --{', --'.join(ALONE)}; give the study alone")
     picture = picture_path(args, ".paths.png")
-    look = {name: value for name, value in args.assignments if name != "cracked"}
     study = studies.read(args.results)
-    with number_options.styled(picture, look), Results.open(study.rows[0].file) as first:
+    with number_options.styled(picture, dict(args.assignments)), Results.open(study.rows[0].file) as first:
         if first.dimension == 3:
             raise ResultsError(f"{args.results} has runs of a body in space; use those of a plate")
         check_window(first, args)

@@ -100,6 +100,7 @@ def _add_picture(
 def _field(args: argparse.Namespace) -> int:
     from pdpost.exports import csv_columns
     from pdpost.figures import field_figure
+    from pdpost.figures.sheets import seen
     from pdpost.measures import fields
 
     name = args.picture
@@ -116,7 +117,11 @@ def _field(args: argparse.Namespace) -> int:
         else:
             figure = field_figure.field(results, name, step, shown=shown, part=part or None, **how)
         unit = fields.FIELDS[name].unit
-        reported = {"component": part or None, **numbers(shown), "unit": unit}
+        visible = shown
+        if args.window is not None:
+            in_view = seen(results.nodes(step).position, args.window)
+            visible = shown._replace(values=shown.values[in_view], torn=shown.torn[in_view])
+        reported = {"component": part or None, **numbers(visible), "unit": unit}
         low, high = reported["smallest"], reported["largest"]
         ends = f"{low:.4g} to" if low is not None and fields.component_is_signed(name, part) else "up to"
         words = "nothing known" if high is None else f"{ends} {high:.4g} {unit}".rstrip()
@@ -185,13 +190,17 @@ def _nodes(args: argparse.Namespace) -> int:
 def _bonds(args: argparse.Namespace) -> int:
     from pdpost.exports import csv_columns
     from pdpost.figures import bond_figure
+    from pdpost.figures.sheets import seen
     from pdpost.measures.bond_pairs import read_bond_pairs
     from pdpost.reading.embedded_model import expect_mechanics
 
     def show(results: Results, step: int, scale: float) -> Drawn:
         expect_mechanics(results)
         bond_pairs = read_bond_pairs(results, step)
-        reported = {"intact": int((~bond_pairs.is_broken).sum()), "broken": int(bond_pairs.is_broken.sum())}
+        is_broken = bond_pairs.is_broken
+        if args.window is not None:
+            is_broken = is_broken[seen(results.nodes(step).position, args.window)[bond_pairs.node_rows].any(axis=1)]
+        reported = {"intact": int((~is_broken).sum()), "broken": int(is_broken.sum())}
         words = f"{reported['intact']} bonds intact, {reported['broken']} broken"
         figure = bond_figure.bonds(results, step, scale=scale, window=args.window, bond_pairs=bond_pairs)
         return Drawn(figure, reported, words, lambda: csv_columns.of_bonds(results, step, bond_pairs))

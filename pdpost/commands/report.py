@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
-from pdpost.commands.shared import add_results
+from pdpost.commands.shared import add_results, add_style
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -16,11 +16,8 @@ def add(commands: Commands) -> None:
     """Put `report` on the command line."""
     page = commands.add_parser("report", help="write one HTML page: crack, film, fields, energy balance, and the model")
     add_results(page)
-    commandline.add_common_options(
-        page,
-        output="the page (default: the results' name with .report.html)",
-        assignment="override a matplotlib setting, such as font.size=11",
-    )
+    commandline.add_common_options(page, "the page (default: the results' name with .report.html)")
+    add_style(page)
     page.set_defaults(run=_report)
 
 

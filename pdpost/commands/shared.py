@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     Commands = argparse._SubParsersAction[argparse.ArgumentParser]
 
 SMALLEST = 1e-3  # share of a window that the plate fills: 30 by 30 of 1000 by 1000 pixels
-MATPLOTLIB = "override a matplotlib setting, such as savefig.dpi=300 or font.size=11"  # with --set
+NO_PICTURE = "; a picture is drawn only with -o then"  # with --json
 YIELDS = "K means nothing here, as the body yields"
 
 
@@ -27,18 +27,27 @@ def add_results(command: argparse.ArgumentParser) -> None:
     command.add_argument("results", type=Path, help="a database written by pdsolve")
 
 
-def add_picture_command(
-    commands: Commands, name: str, about: str, no_picture: str = "", assignment: str = MATPLOTLIB
-) -> argparse.ArgumentParser:
+def add_picture_command(commands: Commands, name: str, about: str, no_picture: str = "") -> argparse.ArgumentParser:
     """Add a command that reads results and draws a picture; `no_picture` says when it does not."""
     command = commands.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")
     add_results(command)
     commandline.add_common_options(
         command,
         f"the picture, in the format of its suffix (default: the results' name with .{name}.png{no_picture})",
-        assignment,
+        NO_PICTURE,
     )
+    add_style(command)
     return command
+
+
+def add_style(command: argparse.ArgumentParser) -> None:
+    """Add --style: settings of matplotlib. Versions up to 1.0 called it --set, which sets a model elsewhere."""
+    commandline.add_assignments(
+        command,
+        "--style",
+        "change how pictures are drawn: a matplotlib setting, such as savefig.dpi=300 or font.size=11",
+    )
+    commandline.add_assignments(command, "--set", argparse.SUPPRESS)
 
 
 def add_journal(command: argparse.ArgumentParser) -> None:
@@ -223,7 +232,9 @@ def check_window(results: Results, args: argparse.Namespace) -> None:
     _expect_plate(results, "--window")
     from shapely import box
 
+    from pdpost.figures.sheets import seen
     from pdpost.measures.plate_geometry import read_plate_geometry
+    from pdpost.reading.frame_steps import last_frame
     from pdsolve.results import ResultsError
 
     shape, window = read_plate_geometry(results).plate_shape, box(*args.window)
@@ -234,6 +245,9 @@ def check_window(results: Results, args: argparse.Namespace) -> None:
         raise ResultsError(
             f"--window {asked} shows the plate as a point; use some of {whole} (m), or write units such as 20mm"
         )
+    nodes = results.nodes(last_frame(results))
+    if not seen(nodes.position, args.window).any():
+        raise ResultsError(f"--window {asked} has no node in it; use one wider than {nodes.delta.max():g} m")
 
 
 def _expect_plate(results: Results, option: str) -> None:
@@ -427,6 +441,10 @@ def chosen_stride(results: Results, args: argparse.Namespace) -> int:
         return args.stride or 1
     steps, _ = frames(results)
     apart = int(steps[1] - steps[0]) if len(steps) > 1 else args.every
+    if args.every > steps[-1] - steps[0]:
+        raise ResultsError(
+            f"--every is {args.every} steps, and frames span {steps[-1] - steps[0]}; use a smaller multiple of {apart}"
+        )
     if args.every % apart:
         raise ResultsError(
             f"--every is {args.every} steps, and frames are {apart} steps apart; use a multiple of {apart}, or --stride"

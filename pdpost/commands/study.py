@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 from pdmesh import commandline
 from pdpost.commands import number_options
 from pdpost.commands.shared import (
-    MATPLOTLIB,
+    NO_PICTURE,
     add_csv,
     add_journal,
+    add_style,
     picture_path,
 )
 
@@ -37,10 +38,11 @@ def add(commands: Commands) -> None:
     )
     commandline.add_common_options(
         study,
-        output="the picture, in the format of its suffix (default: the table's name with .study.png; none with --json"
+        "the picture, in the format of its suffix (default: the table's name with .study.png; none with --json"
         " or --csv alone)",
-        assignment=MATPLOTLIB,
+        NO_PICTURE,
     )
+    add_style(study)
     add_journal(study)
     add_csv(study)
     study.set_defaults(run=_study)

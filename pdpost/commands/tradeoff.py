@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from pdmesh import commandline
 from pdpost.commands import number_options
 from pdpost.commands.shared import (
-    MATPLOTLIB,
     add_csv,
     add_journal,
+    add_style,
     check_csv,
 )
 
@@ -46,10 +46,10 @@ def add(commands: Commands) -> None:
     tradeoff.add_argument("--cost", choices=COSTS, default="wall_time", help="the measure of cost")
     commandline.add_common_options(
         tradeoff,
-        output="the chart, in the format of its suffix, with its numbers in a .tradeoff.json beside it (default:"
+        "the chart, in the format of its suffix, with its numbers in a .tradeoff.json beside it (default:"
         " tradeoff.png and tradeoff.json)",
-        assignment=MATPLOTLIB,
     )
+    add_style(tradeoff)
     add_journal(tradeoff)
     add_csv(tradeoff)
     tradeoff.set_defaults(run=_tradeoff)

@@ -100,21 +100,21 @@ def _checked(style: Mapping[str, object]) -> dict[str, Any]:
             known = [setting for setting in matplotlib.rcParams if setting.startswith(KINDS)]
             near = meant(name, STYLE, cutoff=1.0) or meant(name, known)
             raise FigureError(
-                f"--set {name} is no matplotlib setting; "
+                f"--style {name} is no matplotlib setting; "
                 + (f"did you mean {near}?" if near else "use one such as savefig.dpi")
             )
         if name.startswith(OF_TEX):
             raise FigureError(
-                f"--set {name}: TeX is not used, as it would run names in a model as a program; leave it out"
+                f"--style {name}: TeX is not used, as it would run names in a model as a program; leave it out"
             )
         try:
             parsed_value = matplotlib.RcParams({name: value})[name]
         except Exception as error:  # of many kinds
-            raise FigureError(f"--set {name}={value}: {error}") from None
+            raise FigureError(f"--style {name}={value}: {error}") from None
         low, high = BOUNDS.get(name, (-LARGEST, LARGEST))
         for number in np.ravel(np.array(parsed_value, dtype=object)):
             if isinstance(number, int | float) and not (math.isfinite(number) and low <= number <= high):
-                raise FigureError(f"--set {name}={value} is out of range; use {low:g} to {high:g}")
+                raise FigureError(f"--style {name}={value} is out of range; use {low:g} to {high:g}")
     chosen = STYLE | ({} if journal is None else _preset(str(journal))) | style
     if style:
         _try(chosen, ", ".join(f"{name}={value}" for name, value in style.items()))
@@ -203,5 +203,5 @@ def _try(style: Mapping[str, Any], named: str) -> None:
     except Exception as error:
         reason = " ".join(str(error).split())[:200] or type(error).__name__
         raise FigureError(
-            f"--set {named}: no picture can be drawn with these settings ({reason}); change them"
+            f"--style {named}: no picture can be drawn with these settings ({reason}); change them"
         ) from None

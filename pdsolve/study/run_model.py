@@ -9,10 +9,11 @@ from typing import Any
 
 from pdmesh import Body, SceneError, UntrustedError, build_file, file_parameters, read_scene
 from pdmesh.file_kinds import MESHES
-from pdmesh.model.document import SPACE_VERSION, GridError, Material, Medium, Settings, read_file, settings_of
+from pdmesh.model.document import GridError, Material, Medium, Settings, read_file, settings_of
 from pdmesh.model.node_grid import grid_of
+from pdmesh.model.settings_overlay import overlaid
 from pdmesh.model.unused_settings import in_vain
-from pdsolve.model import Model, ModelError, overlaid
+from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.estimate import Plan, estimate_run
 from pdsolve.study.description import Case, Study, StudyError
@@ -100,7 +101,7 @@ def _dimension(drawing: Path, case: Case, trust: bool) -> int:
         return 2
     if drawing.suffix.lower() == ".json" and not case.drawing:
         document = read_file(drawing)
-        dimension, diffuses = 3 if document.version == SPACE_VERSION else 2, document.physics == "diffusion"
+        dimension, diffuses = document.dimension, document.physics == "diffusion"
     else:
         scene = read_scene(drawing, case.assignments("drawing"), trust=trust)
         dimension, diffuses = 3 if isinstance(scene, Body) else 2, scene.medium is not None

@@ -23,7 +23,7 @@ def screw(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The shipped screw, coarse and in a smaller ball, with collocation outside its cylinder."""
     path = tmp_path_factory.mktemp("screw") / "screw.json"
     changed = ("Zones/near/Spacing=5e-4", "Zones/far/Spacing=1e-3", "Plate/Ball=4e-3", "Run/Duration=500")
-    words = [word for one in changed for word in ("--set", one)]
+    words = [word for one in changed for word in ("--style", one)]
     assert pdmesh(["build", str(GEOMETRIES / "screw.geo"), *words, "-q", "-o", str(path)]) == 0
     results = path.with_suffix(".sqlite")
     assert pdsolve([str(path), "--adapt", "collocation", "--threads", "1", "-q", "-o", str(results)]) == 0
@@ -64,7 +64,7 @@ def test_how_a_body_looks(screw: Path, tmp_path: Path) -> None:
     high, wide = np.ptp(np.flatnonzero(seen.any(axis=1))), np.ptp(np.flatnonzero(seen.any(axis=0)))
     assert 1.3 < high / wide < 3
     assert (
-        pdpost(["render", str(screw), "--plane", "y=0", "--set", "savefig.dpi=60", "-q", "--force", "-o", str(path)])
+        pdpost(["render", str(screw), "--plane", "y=0", "--style", "savefig.dpi=60", "-q", "--force", "-o", str(path)])
         == 0
     )
     seen = np.asarray(Image.open(path).convert("RGB")).astype(int)

@@ -156,5 +156,7 @@ def test_a_run_of_bonds_has_no_particles(small_results: Path, capsys: pytest.Cap
 
 
 def test_a_notch_has_no_settings(small_results: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert pdpost(["notch", str(small_results), "--set", "axes.grid=True"]) == 2
-    assert mentions(capsys.readouterr().err, "--set", "axes.grid", "notch")
+    with pytest.raises(SystemExit) as stop:
+        pdpost(["notch", str(small_results), "--style", "axes.grid=True"])
+    assert stop.value.code == 2
+    assert mentions(capsys.readouterr().err, "--style")

@@ -6,12 +6,13 @@ import json
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from messages import mentions
 from plates import GEOMETRIES
 
 from pdmesh.__main__ import main, parser
-from pdmesh.model.document import read_file
+from pdmesh.model.document import read_file, write_file
 
 DURAN = str(GEOMETRIES / "duran50.geo")
 SCRIPT = str(GEOMETRIES / "duran50_one_scale.py")
@@ -231,7 +232,7 @@ REFUSED = {
     "output in no folder": (["build", DURAN, "-o", "nowhere/plate.json"], "no folder"),
     "picture of no kind": (["preview", SCRIPT, "--trust", "-o", "plate.doc"], "suffix '.doc'"),
     "parameters of a mesh": (["params", "part.vtu"], "suffix '.vtu'"),
-    "plan of a mesh": (["plan", "part.vtu"], "part.vtu: cannot be read: No such file"),
+    "plan of a mesh": (["plan", "part.vtu"], "part.vtu: cannot be read: there is no such file"),
     "plan of nothing": (["plan", "missing.geo"], "missing.geo: cannot be read"),
 }  # fmt: skip
 
@@ -258,3 +259,28 @@ def test_wrong_usage(words: list[str], capsys: pytest.CaptureFixture[str]) -> No
     err = capsys.readouterr().err
     assert err.startswith("pdmesh")
     assert err.count("\n") == 1
+
+
+@pytest.mark.process
+def test_every_setting_of_the_solver_can_be_set_in_a_drawing_and_in_a_grid_without_one(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The model keeps them, also when it is built anew; those that its run does not use are refused as by pdsolve."""
+    words = ["--set", "run.hybrid.kappa=0.4", "--set", "run.fields=ux,damage", "--adapt", "hybrid", "-q"]
+    assert main(["build", DURAN, "-o", "a.json", *words]) == 0
+    assert main(["build", "a.json", "-o", "b.json", "--set", "run.every=7", "-q"]) == 0
+    runs = [read_file(here / name).run for name in ("a.json", "b.json")]
+    assert [(run.hybrid.kappa, run.fields) for run in runs] == [(0.4, ("ux", "damage"))] * 2
+    assert (runs[0].every != 7, runs[1].every) == (True, 7)
+    document = msgspec.structs.replace(read_file(here / "a.json"), drawing="", source="", parameters={})
+    write_file(document, here / "bare.json")
+    assert main(["build", "bare.json", "-o", "c.json", "--set", "material.G0=50", "-q"]) == 0
+    assert read_file(here / "c.json").material.G0 == 50
+    for setting, parts in (
+        ("run.hybrid.wake=1", ("run.hybrid.wake", "removed")),
+        ("run.statc.load_steps=1", ("run.statc", "run.static")),
+        ("run.static.load_steps=3", ("run.static.load_steps", "run.solver")),
+    ):
+        assert main(["build", DURAN, "-o", "d.json", "--set", setting]) == 2
+        assert mentions(capsys.readouterr().err, *parts)
+        assert not (here / "d.json").exists()

@@ -307,9 +307,8 @@ def test_a_locked_file(
         (["reaction", "--condition", "left"], naming(found="condition 'left'", expected=("0", "(condition 0)", "1"))),
         (["crack", "--step", "61"], naming("--step", found="61", expected=("0", "60"))),
         (["crack", "--compare", "none.sqlite"], naming("none.sqlite", found="no such file")),
-        (["crack", "--set", "cracked=2"], naming("--set", "cracked=2", expected=("cracked=", "0"))),
-        (["crack", "--set", "craked=0.3"], naming("--set", found="craked", expected="cracked")),
-        (["balance", "--set", "nothing=2"], naming("nothing", "--set", found=("matplotlib", "setting"))),
+        (["crack", "--cracked", "2"], naming("--cracked", "2", expected="0")),
+        (["balance", "--style", "nothing=2"], naming("nothing", "--style", found=("matplotlib", "setting"))),
         (["balance", "-o", "x.foo"], naming("x.foo", found="suffix '.foo'")),
     ],
 )

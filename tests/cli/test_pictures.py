@@ -116,33 +116,39 @@ def test_numbers_are_those_of_the_frame(small_results: Path, here: Path, capsys:
         (["damage", "--time", "-1us"], naming("--time", found="-1e-06", expected=("0", "3e-06"))),
         (["damage", "--window", "-5,-2,-1,-1mm"], naming("-0.005,-0.002,-0.001,-0.001", expected="0.0205")),
         (["damage", "--window", "0,0,20,6"], naming("0,0,20,6", found="point", expected=("0.0205", "20mm"))),
-        (["damage", "--set", "dpi=100"], naming("--set dpi", expected="savefig.dpi")),
-        (["nodes", "--set", "fontsize=9"], naming("--set fontsize", expected="font.size")),
+        (["damage", "--style", "dpi=100"], naming("--style dpi", expected="savefig.dpi")),
+        (["nodes", "--style", "fontsize=9"], naming("--style fontsize", expected="font.size")),
         (["damage", "--window", "1,1,2,2"], naming("1,1,2,2", expected="-0.0005,-0.006,0.0205,0.006")),
         (["watch", "--window", "1,1,2,2"], naming("--window", found="1,1,2,2", expected="plate")),
         (["animate", "--window", "1,1,2,2"], naming("--window", found="1,1,2,2", expected="plate")),
         (["crack", "--window", "1,1,2,2"], naming("--window", found="1,1,2,2", expected="plate")),
-        (["damage", "--set", "savefig.dpi=0"], naming("--set", "savefig.dpi=0", expected=("10", "1200"))),
-        (["crack", "--set", "savefig.dpi=-5"], naming("--set", "savefig.dpi=-5", expected=("10", "1200"))),
-        (["report", "--set", "savefig.dpi=1e9"], naming("--set", "savefig.dpi=1e9", expected=("10", "1200"))),
-        (["balance", "--set", "figure.dpi=nan"], naming("--set", "figure.dpi=nan", expected=("10", "1200"))),
-        (["history", "--set", "font.size=inf"], naming("--set", "font.size=inf", expected=("1", "72"))),
-        (["nodes", "--set", "font.size=0"], naming("--set", "font.size=0", expected=("1", "72"))),
-        (["bonds", "--set", "lines.linewidth=nan"], naming("--set", "lines.linewidth=nan", expected=("-1000", "1000"))),
-        (["reaction", "--set", "axes.titlesize=0"], naming("--set", "axes.titlesize=0", found=("settings", "picture"))),
+        (["damage", "--style", "savefig.dpi=0"], naming("--style", "savefig.dpi=0", expected=("10", "1200"))),
+        (["crack", "--style", "savefig.dpi=-5"], naming("--style", "savefig.dpi=-5", expected=("10", "1200"))),
+        (["report", "--style", "savefig.dpi=1e9"], naming("--style", "savefig.dpi=1e9", expected=("10", "1200"))),
+        (["balance", "--style", "figure.dpi=nan"], naming("--style", "figure.dpi=nan", expected=("10", "1200"))),
+        (["history", "--style", "font.size=inf"], naming("--style", "font.size=inf", expected=("1", "72"))),
+        (["nodes", "--style", "font.size=0"], naming("--style", "font.size=0", expected=("1", "72"))),
         (
-            ["animate", "--set", "font.family=None Such"],
-            naming("--set", "font.family=None Such", found=("settings", "picture")),
+            ["bonds", "--style", "lines.linewidth=nan"],
+            naming("lines.linewidth=nan", expected=("-1000", "1000")),
         ),
-        (["watch", "--set", "path.simplify_threshold=7"], re.escape("--set path.simplify_threshold=7: ")),
-        (["damage", "--set", "webagg.port=1"], naming("webagg.port", "--set", found=("matplotlib", "setting"))),
+        (
+            ["reaction", "--style", "axes.titlesize=0"],
+            naming("axes.titlesize=0", found=("settings", "picture")),
+        ),
+        (
+            ["animate", "--style", "font.family=None Such"],
+            naming("--style", "font.family=None Such", found=("settings", "picture")),
+        ),
+        (["watch", "--style", "path.simplify_threshold=7"], re.escape("--style path.simplify_threshold=7: ")),
+        (["damage", "--style", "webagg.port=1"], naming("webagg.port", "--style", found=("matplotlib", "setting"))),
         (["animate", "-o", "x.avi"], naming("x.avi", found="suffix '.avi'", expected=(".gif", ".mp4"))),
         (["watch", "-o", "x.foo"], naming("x.foo", found="suffix '.foo'")),
         (
             ["export", "-o", "x.foo"],
             naming("x.foo", found="suffix '.foo'", expected=(".vtu", ".pvd", ".xdmf", ".msh", ".csv")),
         ),
-        (["export", "--set", "a=b"], naming("--set a", found="export has no settings", expected="leave it out")),
+        (["export", "--style", "a=b"], naming("--style a", found="export has no settings", expected="leave it out")),
         (["export", "--frame", "1"], naming("--frame", "--time", found=".pvd")),
         (["export", "-o", "x.vtu", "--every", "2"], naming("--every", found=".vtu")),
         (["export", "-o", "x.csv", "--squares"], naming("--squares", found=".csv")),
@@ -171,6 +177,19 @@ def test_a_window_in_a_hole_shows_nothing(
     monkeypatch.setattr(plate_geometry, "read_plate_geometry", lambda results: holed)
     assert main(["bonds", str(small_results), "--window", "6,-2,14,2mm"]) == 2
     assert mentions(capsys.readouterr().err, "--window", "0.006,-0.002,0.014,0.002", "plate")
+
+
+def test_a_window_between_nodes_is_refused_and_numbers_are_of_the_window(
+    small_results: Path, here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A picture of no node was blank, with the counts of the whole plate beside it."""
+    assert main(["bonds", str(small_results), "--window", "6.1,0.6,6.2,0.7mm"]) == 2
+    assert mentions(capsys.readouterr().err, "--window", "node")
+    counts = []
+    for window in ([], ["--window", "6,-2,10,2mm"]):
+        assert main(["bonds", str(small_results), *window, "--json"]) == 0
+        counts.append(json.loads(capsys.readouterr().out)["intact"])
+    assert 0 < counts[1] < counts[0]
 
 
 @pytest.mark.parametrize(

@@ -268,7 +268,7 @@ def test_wrong_files(name: str, tmp_path: Path) -> None:
 
 
 def test_files_that_cannot_be_read(tmp_path: Path) -> None:
-    with pytest.raises(GridError, match=naming("none.json", "No such file")):
+    with pytest.raises(GridError, match=naming("none.json", "there is no such file")):
         read_file(tmp_path / "none.json")
     with pytest.raises(GridError, match=naming(tmp_path)):
         read_file(tmp_path)

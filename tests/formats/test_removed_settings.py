@@ -46,7 +46,7 @@ def test_a_grid_file_that_names_one_is_refused(plate_file: Path, capsys: pytest.
 def test_settings_laid_over_a_file_are_refused(plate_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Given on the command line and in a TOML file."""
     assert pdsolve([str(plate_file), "--set", "run.hybrid.wake=fine"]) == 2
-    assert capsys.readouterr().err == f"pdsolve: {plate_file}: {LINE}\n"
+    assert capsys.readouterr().err == f"pdsolve: {plate_file} with run.hybrid.wake=fine: {LINE}\n"
     settings = plate_file.with_name("run.toml")
     settings.write_text('run.hybrid.wake = "lattice"\n')
     assert pdsolve([str(plate_file), "--settings", str(settings)]) == 2

@@ -173,7 +173,19 @@ def test_without_pyvista_damage_is_drawn_on_planes(
 def test_a_film_of_a_body_cut_open(block: Path, tmp_path: Path) -> None:
     pytest.importorskip("pyvista")
     path = tmp_path / "film.gif"
-    words = ["animate", str(block), "--clip", "y=0", "--stride", "5", "--set", "savefig.dpi=50", "-q", "-o", str(path)]
+    words = [
+        "animate",
+        str(block),
+        "--clip",
+        "y=0",
+        "--stride",
+        "5",
+        "--style",
+        "savefig.dpi=50",
+        "-q",
+        "-o",
+        str(path),
+    ]
     assert pdpost(words) == 0
     with Image.open(path) as film, Results.open(block) as results:
         assert film.n_frames == len(results.frames()[0][::5])
@@ -238,7 +250,7 @@ def test_what_opened_is_the_notch_of_another_run(
     assert corners.reshape(-1, 9).tolist() == said["triangles"]
     area = np.linalg.norm(np.cross(corners[2:, 1] - corners[2:, 0], corners[2:, 2] - corners[2:, 0]), axis=1).sum() / 2
     assert area == pytest.approx(said["area"], rel=1e-12)  # without the two of the pre-crack, which come first
-    assert pdsolve([str(model), "--set", "run.steps=2", "-o", str(again), "--threads", "1", "-q"]) == 0
+    assert pdsolve([str(model), "--style", "run.steps=2", "-o", str(again), "--threads", "1", "-q"]) == 0
     found = numbers(again, capsys)
     assert found["area"] == 0
     assert found["pre_crack_area"] == pytest.approx(16e-6 + LIGAMENT, rel=0.05)

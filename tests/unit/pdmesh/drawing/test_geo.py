@@ -309,7 +309,7 @@ def test_bad_assignments(assignment: tuple[str, str], message: str, tmp_path: Pa
 
 
 def test_files_that_are_no_drawings(tmp_path: Path) -> None:
-    with pytest.raises(SceneError, match=naming("missing.geo", "No such file")):
+    with pytest.raises(SceneError, match=naming("missing.geo", "there is no such file")):
         read_geo(tmp_path / "missing.geo")
     (tmp_path / "binary.geo").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(SceneError, match=naming("text")):

@@ -185,7 +185,7 @@ def test_meshes_of_gmsh(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "mesh", "message"),
     [
-        ("missing.msh", None, "cannot be read: No such file"),
+        ("missing.msh", None, "cannot be read: there is no such file"),
         ("text.msh", b"no mesh\n", naming("text.msh", expected=("format", "suffix"))),
         ("empty.vtu", b"", naming("empty.vtu", expected="mesh")),
         ("solid.msh", plate(solid=True), naming("cell 0", found="volume")),

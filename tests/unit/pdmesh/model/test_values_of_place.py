@@ -115,7 +115,7 @@ def test_csv_files_with_and_without_a_header(tmp_path: Path) -> None:
         ("a.csv", "0,0,nan\n", "not finite"),
         ("a.csv", "", "0 rows"),
         ("a.csv", "y,y\n1,2\n", "each once"),
-        ("no.csv", "", "no.csv: cannot be read: No such file"),
+        ("no.csv", "", "no.csv: cannot be read: there is no such file"),
         ("../a.csv", "0,0,1\n", "without a folder"),
         ("/etc/a.csv", "0,0,1\n", "without a folder"),
     ],

@@ -113,8 +113,8 @@ def test_formats_and_settings_that_are_none(small_results: Path, tmp_path: Path)
     with pytest.raises(FigureError, match=naming("x.foo", found="suffix '.foo'")):
         style.save(figure, tmp_path / "x.foo")
     for setting, message in (
-        ({"fontsize": "3"}, "--set fontsize is no matplotlib setting"),
-        ({"font.size": "big"}, r"--set font\.size=big: "),
+        ({"fontsize": "3"}, "--style fontsize is no matplotlib setting"),
+        ({"font.size": "big"}, r"--style font\.size=big: "),
     ):
         with pytest.raises(FigureError, match=message), style.styled(setting):
             pass

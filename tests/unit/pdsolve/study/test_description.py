@@ -108,5 +108,5 @@ def test_a_drawing_that_is_missing_is_refused(tmp_path: Path) -> None:
     (tmp_path / "study.toml").write_text('drawing = "none.geo"')
     with pytest.raises(StudyError, match=naming("$.drawing", found="none.geo", expected="drawing")):
         read_study(tmp_path / "study.toml")
-    with pytest.raises(StudyError, match=naming("other.toml", "No such file")):
+    with pytest.raises(StudyError, match=naming("other.toml", "there is no such file")):
         read_study(tmp_path / "other.toml")
