@@ -79,7 +79,7 @@ DIFFUSION = (
     ),
     Mutant(
         "pdsolve/diffusion/surfaces.py",
-        "np.where(free & ~self._parted(pairs), ",
+        "np.where(free & ~self._are_separated_by_layer(pairs), ",
         "np.where(free, ",
         "tests/unit/pdsolve/diffusion/test_surfaces.py::test_a_layer_parts_what_is_on_both_sides",
     ),

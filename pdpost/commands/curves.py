@@ -119,7 +119,7 @@ def _history(args: argparse.Namespace) -> int:
         for row in zip(curve.time, curve.value, curve.smallest, curve.largest, strict=True)
     ]
     header = ("curve", "component", "time, s", f"{args.quantity}, {unit}", "smallest", "largest")
-    return number_options.deliver(args, result, [_told(curve, unit) for curve in curves], header, rows, path)
+    return number_options.deliver(args, result, [_history_line(curve, unit) for curve in curves], header, rows, path)
 
 
 def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> int:
@@ -179,7 +179,7 @@ def _curve(results: Results, place: Place, *what: str) -> NodeHistory:
     return histories.mean_history_in_box(results, values, *what)
 
 
-def _told(curve: NodeHistory, unit: str) -> str:
+def _history_line(curve: NodeHistory, unit: str) -> str:
     import numpy as np
 
     where = "" if curve.place is None else f" at ({', '.join(f'{x:g}' for x in curve.place)}) m"

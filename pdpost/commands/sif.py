@@ -130,7 +130,7 @@ def _tips(args: argparse.Namespace, results: Results, steps: list[int], path: Pa
         "steps": steps,
         "units": TIP_UNITS,
         "G0": spent.G0,
-        "tips": [_told(series, release_rates) for series in tip_series],
+        "tips": [_tip_for_json(series, release_rates) for series in tip_series],
     }
     header = ("tip", "step", "time, s", "x, m", "y, m", *_band_names(TIP_UNITS), "dD/da, J/m^2")
     rows = []
@@ -158,7 +158,7 @@ def _expect_on_plate(results: Results, place: tuple[float, float] | None) -> Non
         )
 
 
-def _told(series: TipIntensityHistory, release_rates: Any) -> dict[str, Any]:
+def _tip_for_json(series: TipIntensityHistory, release_rates: Any) -> dict[str, Any]:
     rings: list[Ring] = [] if series.last_integrals is None else list(series.last_integrals.rings)
     return {
         "name": series.tip_history.name,

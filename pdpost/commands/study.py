@@ -81,13 +81,13 @@ def _study(args: argparse.Namespace) -> int:
     units = {name: study.columns[name].unit for name in measures}
     numbers: dict[str, Any] = {"over": over, "units": units, "failed": study.failed, "waiting": study.waiting}
     numbers["measures"] = [dict(zip(("measure", "series", "value", *header[3:]), row, strict=True)) for row in rows]
-    lines = [_told(row, over, units) for row in rows]
+    lines = [_summary_line(row, over, units) for row in rows]
     if study.failed or study.waiting:
         lines.append(f"left out: {study.failed} runs that failed, {study.waiting} that wait")
     return number_options.deliver(args, numbers, lines, header, rows, path)
 
 
-def _told(row: tuple[Any, ...], over: str | None, units: dict[str, str]) -> str:
+def _summary_line(row: tuple[Any, ...], over: str | None, units: dict[str, str]) -> str:
     from pdpost.reading.studies import short, value_of
 
     measure, series, value, median, low, high, happened, runs = row

@@ -119,7 +119,7 @@ class Surfaces:
                 way, back = xi[at] + 2 * q[:, None] * near.normal[i], 2 * p[:, None] * far.normal[j] - xi[at]
                 yield _Images(at, a, g, way, back, sign, p + q + sign * (q - p))
 
-    def _parted(self, pairs: Pairs) -> NDArray[np.bool_]:
+    def _are_separated_by_layer(self, pairs: Pairs) -> NDArray[np.bool_]:
         """Whether a prescribed layer separates the two ends of pairs (b,): each is behind the other's wall."""
         i, j, _ = pairs
         wall, xi = self._walls[0], self._bonds.position[j] - self._bonds.position[i]
@@ -131,7 +131,7 @@ class Surfaces:
         these."""
         bonds, D = self._bonds, self._bonds.diffusivity
         pairs, g = bonds.of(rows)
-        crosses_wall = ~(self._free | self._edges.nodes)[pairs.target] | self._parted(pairs)
+        crosses_wall = ~(self._free | self._edges.nodes)[pairs.target] | self._are_separated_by_layer(pairs)
         counts = ~(np.isfinite(self._walls[0].depth)[pairs.source] & crosses_wall)
         before, alone = chosen(pairs, self._walled[pairs.source] & counts), rows[self._walled[rows]]
         both = zip(before, (alone, alone, np.zeros(len(alone))), strict=True)
@@ -190,7 +190,7 @@ class Surfaces:
             conductance = image.conductance * self._weights(a, b, image.way, image.back)
             new[image.at] += image.sign * conductance
             guess[image.wall] += summed(rows, a, conductance * self._volume[b] * image.enters)
-        new = np.where(free & ~self._parted(pairs), np.where(g > 0, np.maximum(new, 0.0), new), 0.0)
+        new = np.where(free & ~self._are_separated_by_layer(pairs), np.where(g > 0, np.maximum(new, 0.0), new), 0.0)
         pull = summed(rows, i, (new * V)[:, None] * xi)
         share = summed(rows, i, np.where(free, 0.0, np.abs(g)) * V)
         least = summed(rows, i, np.where(free, 0.0, g) * V)  # of a layer whose nodes hold the value

@@ -68,7 +68,7 @@ def build(team: Team, options: Options, starts: NDArray[np.int64], share: tuple[
     bound, family, count = (np.pad(own_values, around) for own_values in arrays)
     operator = BlockLattice(law, blocks, bound, scheme.symmetric, softens)
     reached = np.unique(np.concatenate(bond_survey.reached)).astype(np.int64)
-    return _taken(team, starts, Bonded(slab, model, operator, Counted(filling.area, family, count)), reached)
+    return _adopt_bonds(team, starts, Bonded(slab, model, operator, Counted(filling.area, family, count)), reached)
 
 
 def build_tiles(
@@ -78,7 +78,7 @@ def build_tiles(
     slab, model = share[0], window(*share)
     made = make(model, options._replace(threads=options.threads or 1), SCHEMES[options.mode])
     can_be = team.comm.allgather(made is not None)
-    return None if made is None or not all(can_be) else _window_taken(team, starts, slab, model, made)
+    return None if made is None or not all(can_be) else _adopt_window(team, starts, slab, model, made)
 
 
 def build_window(
@@ -88,10 +88,10 @@ def build_window(
     slab, model = share[0], window(*share)
     scheme = SCHEMES[options.mode]
     made = make(model, options._replace(threads=options.threads or 1), scheme, scheme.fill(model))
-    return _window_taken(team, starts, slab, model, made)
+    return _adopt_window(team, starts, slab, model, made)
 
 
-def _window_taken(team: Team, starts: NDArray[np.int64], slab: Slab, model: Model, made: Made) -> Built:
+def _adopt_window(team: Team, starts: NDArray[np.int64], slab: Slab, model: Model, made: Made) -> Built:
     """Take over the bonds of a whole window: those of a law without a first pass ask for no more than the motion of
     their ends."""
     operator, counted = made
@@ -100,7 +100,7 @@ def _window_taken(team: Team, starts: NDArray[np.int64], slab: Slab, model: Mode
         own_range = slab.first - slab.begin, slab.last - slab.begin
         operator.only(*own_range)
         reached = np.unique(operator.bonds(*own_range)[1]) + slab.begin
-    return _taken(team, starts, Bonded(slab, model, operator, counted), reached)
+    return _adopt_bonds(team, starts, Bonded(slab, model, operator, counted), reached)
 
 
 def window(slab: Slab, model: Model) -> Model:
@@ -117,7 +117,7 @@ class Bonded(NamedTuple):
     counted: Counted
 
 
-def _taken(team: Team, starts: NDArray[np.int64], bonded: Bonded, reached: NDArray[np.int64]) -> Built:
+def _adopt_bonds(team: Team, starts: NDArray[np.int64], bonded: Bonded, reached: NDArray[np.int64]) -> Built:
     """Take over these bonds, whose own nodes ask for the motion of those `reached` (k,) by rows of the whole grid."""
     slab, model, operator, counted = bonded
     others = reached[(reached < slab.first) | (reached >= slab.last)]

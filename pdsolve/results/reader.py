@@ -21,7 +21,7 @@ from pdsolve.results.errors import ResultsError, explained
 from pdsolve.results.family_reading import written_families
 from pdsolve.results.node_lifetimes import NEVER, Lives
 from pdsolve.results.opening import read_only
-from pdsolve.results.schema import CHUNK, SCHEMA_VERSION, WITHOUT_SPACE, Breaks, Families, Nodes, taken
+from pdsolve.results.schema import CHUNK, SCHEMA_VERSION, WITHOUT_SPACE, Breaks, Families, Nodes, select_nodes
 from pdsolve.results.tables import Meta, Tables
 
 
@@ -213,7 +213,7 @@ class Results:
             rows = lives.rows(epoch)
             self._tables.expect("node", None if len(rows) else f"step {epoch} has no node; it must have at least one")
             all_alive = len(rows) == len(lives.birth)
-            nodes = lives.nodes if all_alive else taken(lives.nodes, rows)
+            nodes = lives.nodes if all_alive else select_nodes(lives.nodes, rows)
             for column in nodes:
                 column.flags.writeable = False
             self._nodes = lives, epoch, nodes

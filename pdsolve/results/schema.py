@@ -26,7 +26,7 @@ class Nodes(NamedTuple):
     cut: NDArray[np.int64]  # (n,) bonds that were gone at birth: cut by a pre-crack, or broken before
 
 
-def taken(nodes: Nodes, rows: NDArray[np.int64]) -> Nodes:
+def select_nodes(nodes: Nodes, rows: NDArray[np.int64]) -> Nodes:
     """The nodes of these rows (k,)."""
     ids, position, delta, area, family, cut = nodes
     return Nodes(ids[rows], position[rows], delta[rows], area[rows], family[rows], cut[rows])
@@ -50,7 +50,7 @@ class Breaks(NamedTuple):
 class Epoch(NamedTuple):
     """Nodes that are born and die between two steps. A node whose bonds change dies and is born under the same id."""
 
-    step: int  # the first that is taken without the dead and with the born
+    step: int  # the first that is select_nodes without the dead and with the born
     first: int  # row of the first of those born; how many rows there were before
     born: Nodes  # (b,)
     families: Families  # of those born; neighbours are rows of the table `node`

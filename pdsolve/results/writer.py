@@ -47,8 +47,8 @@ from pdsolve.results.schema import (
     FrameRecord,
     Nodes,
     prefixes,
+    select_nodes,
     statements,
-    taken,
 )
 from pdsolve.results.writer_token import KEY, Token
 
@@ -382,7 +382,9 @@ def _births(nodes: Nodes, families: Callable[[int, int], Families]) -> Births:
     """Nodes that are all there."""
     bonds = int((nodes.family - nodes.cut).sum())
     dimension = nodes.position.shape[1]
-    return Births(len(nodes.ids), dimension, bonds, lambda first, last: taken(nodes, np.arange(first, last)), families)
+    return Births(
+        len(nodes.ids), dimension, bonds, lambda first, last: select_nodes(nodes, np.arange(first, last)), families
+    )
 
 
 def _in_chunks(pieces: Iterator[NDArray[Any]]) -> Iterator[NDArray[Any]]:

@@ -372,7 +372,7 @@ def make_stepper(
     `ghosts` are a window's nodes of other ranks.
     """
     if isinstance(operator, NodesOnDevice):
-        return StepsOnDevice((operator, state, drive), rho, time_step, damping_rates)
+        return StepsOnDevice(operator, state, drive, rho, time_step, damping_rates)
     bonds, contact = split_into_lattice_bonds_and_contact(operator)
     if bonds is not None:
         return LatticeMarch(bonds, drive, rho, time_step, damping_rates, contact, ghosts)
@@ -388,7 +388,7 @@ def make_diffusion_stepper(model: Model, transport: Transport, state: State, tea
             raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
         of = operator.exchange, operator.change, operator.outside, operator.medium.C_sat
         bonds = FluxesOnDevice(*of, Session(device))
-        return StepsOnDevice((bonds, state, transport.drive), volume, transport.time_step, np.zeros(len(volume)))
+        return StepsOnDevice(bonds, state, transport.drive, volume, transport.time_step, np.zeros(len(volume)))
     if team is None:
         return transport.stepper
     return EulerOnRanks(model, team, transport.operator, transport.drive, transport.time_step)

@@ -24,7 +24,7 @@ from pdsolve.diffusion.masses import MassAccounts
 from pdsolve.numerics.team import Team
 from pdsolve.results import Breaks, Epoch, Families, FrameRecord, Nodes, Results, Writer, pieces, remove
 from pdsolve.results.removal import expect_piece
-from pdsolve.results.schema import CHUNK, Births, taken
+from pdsolve.results.schema import CHUNK, Births, select_nodes
 from pdsolve.run import frames
 from pdsolve.run.accounts import Accounts, CoupledAccounts
 from pdsolve.run.energy_accounts import EnergyAccounts
@@ -141,7 +141,7 @@ class Recorder:
 
         def read_nodes(first_row: int, end_row: int) -> Nodes:
             begin = first_row // batch * batch
-            return taken(gather_batch(first_row // batch)[0], np.arange(first_row - begin, end_row - begin))
+            return select_nodes(gather_batch(first_row // batch)[0], np.arange(first_row - begin, end_row - begin))
 
         def read_families(first_row: int, end_row: int) -> Families:
             begin, (start, target) = first_row // batch * batch, gather_batch(first_row // batch)[1]

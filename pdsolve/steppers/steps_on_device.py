@@ -27,18 +27,20 @@ class StepsOnDevice(Stepper):
 
     def __init__(
         self,
-        bonds_state_drive: tuple[NodesOnDevice, State, Drive],
+        bonds: NodesOnDevice,
+        state: State,
+        drive: Drive,
         rho: NDArray[np.floating],
         dt: float,
         damping: NDArray[np.float64],
     ) -> None:
-        """`bonds_state_drive` are bonds, the placed state, and conditions; `rho` (n,) is the density, kg/m^3, or the
-        volume of nodes with a content, `dt` the step, s, and `damping` (n,) that of free components, 1/s.
+        """`state` is placed on the device; `rho` (n,) is the density, kg/m^3, or the volume of nodes with a content,
+        `dt` the step, s, and `damping` (n,) that of free components, 1/s.
 
         Raises ModelError for a device with too little memory, or whose compiler refuses the kernel.
         """
-        self._operator, self._state, self._drive = bonds_state_drive
-        operator, drive = self._operator, self._drive
+        operator = self._operator = bonds
+        self._state, self._drive = state, drive
         self.session, self._ahead, self._last, self._dt = operator.session, False, 0, dt
         self.device_name = self.session.about.name.strip()
         self.session.expect_countable(operator.dimension * operator.room)
