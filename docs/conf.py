@@ -28,6 +28,7 @@ html_extra_path = ["schema"]
 REDIRECTS = {  # old addresses of pages and the new ones
     "adaptivity": "verification/adaptivity",
     "add_a_law": "how_to/add_material",
+    "benchmarks/README": "developers/benchmarks",
     "bibliography": "theory/references",
     "collocation": "verification/collocation",
     "data/README": "verification/reproductions/data/index",

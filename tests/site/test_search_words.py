@@ -8,9 +8,10 @@ import itertools
 import json
 import re
 import tomllib
+from pathlib import Path
 
 import pytest
-from pages import DOCS
+from pages import DOCS, named
 
 PAGES = tomllib.loads((DOCS / "search_words.toml").read_text(encoding="utf-8"))
 WORDS = {  # the most important ones, and their pages
@@ -111,15 +112,27 @@ def test_a_page_of_the_guide_begins_with_a_sentence_and_has_headings() -> None:
         assert re.match(r"[A-Z`]", first), path
         if path.name != "index.md":
             assert "```" in text.partition("\n## ")[0], path
-            assert longest_section(text) <= 60, path
+
+
+@pytest.mark.parametrize("page", sorted(DOCS.rglob("*.md")), ids=named)
+def test_a_page_has_a_heading_every_forty_lines(page: Path) -> None:
+    """Readers skim by headings. Tables that a command writes stay whole, and do not count."""
+    assert longest_section(page.read_text(encoding="utf-8")) <= 40
+
+
+@pytest.mark.parametrize("page", sorted((DOCS / "guide").glob("*.md")), ids=named)
+def test_a_page_of_the_guide_has_one_section_on_limits(page: Path) -> None:
+    assert page.name in ("index.md", "combinations.md") or page.read_text(encoding="utf-8").count("\n## Limits\n") == 1
 
 
 def longest_section(text: str) -> int:
-    """The largest number of lines from one heading to the next."""
-    lines = text.splitlines()
+    """The largest number of lines from one heading to the next, without what a command writes."""
+    typed = re.sub(r"^<!-- .*: written by .*?^<!-- end -->$", "", text, flags=re.MULTILINE | re.DOTALL)
+    lines = typed.splitlines()
     heads = [0, *(number for number, line in enumerate(lines) if re.match("##+ ", line)), len(lines)]
     return max(end - start for start, end in itertools.pairwise(heads))
 
 
 def test_the_longest_section_is_seen() -> None:
     assert longest_section("# A\n\n## B\n1\n2\n3\n## C\n") == 4
+    assert longest_section("# A\n<!-- t: written by x -->\n1\n2\n3\n<!-- end -->\n## C\n") == 2

@@ -110,7 +110,7 @@ def test_a_smooth_edge_in_bending(failure: Callable[..., None]) -> None:
 def test_a_support_on_two_nodes(failure: Callable[..., None]) -> None:
     """A support on two neighbours.
 
-    Two held nodes beside each other do not let a beam turn: they clamp it.
+    Two fixed nodes beside each other do not let a beam turn: they clamp it.
     """
     free, results = upright()
     turns = load(results, 2)

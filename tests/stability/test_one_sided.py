@@ -115,8 +115,7 @@ def test_momentum_from_nowhere(failure: Callable[..., None]) -> None:
     failure(
         fails="A pulse in a free plate of two scales, thesis mode: after 2000 steps momentum is off by "
         f"{drift['thesis']:.1g} of the sum of |m v|.",
-        noticed="By the ledger that every run writes (`history` in the database). There is no warning, as the thesis "
-        "mode is "
-        "there to reproduce this.",
+        noticed="By the energy balance that every run writes (`history` in the database). There is no warning, as the "
+        "thesis mode is there to reproduce this.",
         cure="Symmetric bonds (conservative mode): momentum is off by less than 1e-14 of that sum.",
     )
