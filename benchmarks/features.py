@@ -16,7 +16,6 @@ import numpy as np
 
 from benchmarks.kinds_of_run import BOND, H, lattice
 from benchmarks.models import grid_of_nodes
-from pdmesh.model.contact import Contact
 from pdmesh.model.contradictions import Case
 from pdmesh.model.document import (
     Absorb,
@@ -37,6 +36,7 @@ from pdmesh.model.document import (
     Spring,
     Velocity,
 )
+from pdmesh.model.mechanical_conditions import Contact
 from pdmesh.model.medium import Medium, Solid
 from pdmesh.model.node_grid import Bodies, Grid
 from pdmesh.model.possible import impossible

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
 from pdmesh.file_kinds import FileKind
-from pdmesh.printing import print_text
+from pdmesh.plain_text import print_text
 from pdmesh.quantities import UNITS
 
 if TYPE_CHECKING:

@@ -1,4 +1,4 @@
-"""The command line shared by the three programs: options, exit codes and error messages."""
+"""The command line shared by the three programs: options, exit codes and error messages, shell completion."""
 
 from __future__ import annotations
 
@@ -16,11 +16,9 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 from pdmesh import VERSION, stopping, trust
-from pdmesh.completion import Completion
 from pdmesh.file_kinds import FileKind, mistaken
 from pdmesh.files import irregular
-from pdmesh.plain_text import for_line
-from pdmesh.printing import UnprintedError, leave_stdout, print_text, print_to_stderr
+from pdmesh.plain_text import UnprintedError, for_line, leave_stdout, print_text, print_to_stderr
 from pdmesh.spelling import meant
 
 LIBRARIES = tuple(["gmsh", "matplotlib", "meshio", "msgspec", "numba", "numpy", "pillow", "scipy", "shapely", "tqdm"])
@@ -53,6 +51,40 @@ OF_ARGPARSE = tuple(  # its messages in our words
         (r"^ambiguous option: (.*) could match (.*)$", r"\1 may stand for \2; write it in full"),
     )
 )
+
+
+class Completion(argparse.Action):
+    """Print the shell script that completes the program's words."""
+
+    def __call__(self, parser: argparse.ArgumentParser, _: object, shell: Any, __: object = None) -> NoReturn:
+        try:
+            import shtab
+        except ImportError:
+            parser.error("--completion needs the package shtab; install it: pip install 'pdsuite[completion]'")
+        for word, make_parser in getattr(parser, "others", {}).items():
+            # offered as the first word of a command line, followed by the arguments of its own parser
+            first = next(action for action in parser._actions if not action.option_strings)
+            first.choices = [*(first.choices or ()), word]
+            for action in make_parser()._actions:
+                if not set(action.option_strings) & set(parser._option_string_actions):
+                    parser._add_action(action)
+        _complete_files(parser, shtab, str(shell))
+        print_text(shtab.complete(parser, shell=str(shell)))
+        parser.exit()
+
+
+def _complete_files(parser: argparse.ArgumentParser, shtab: Any, shell: str) -> None:
+    """Mark all path arguments of a parser and of its commands for completion with file names."""
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                _complete_files(command, shtab, shell)
+        elif action.type is Path and action.choices and shell == "zsh":  # offers the first choice alone
+            action.complete = {shell: f"{{_files; compadd {' '.join(action.choices)}}}"}  # type: ignore[attr-defined]
+        elif action.type is Path and action.choices:
+            action.choices = [*shtab.Required.FILE, *action.choices]
+        elif action.type is Path:
+            action.complete = shtab.FILE  # type: ignore[attr-defined]
 
 
 class UsageError(ValueError):

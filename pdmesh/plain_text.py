@@ -1,12 +1,18 @@
 """Text from files, file names, databases and command lines, made safe for each place that shows it.
 
 Such text is shown letter by letter: no terminal, spreadsheet, browser or plotting library obeys it.
+
+Output of the three programs is escaped so that a terminal shows control characters and does not obey them.
 """
 
 from __future__ import annotations
 
+import os
 import re
+import sys
+from contextlib import suppress
 from html import escape
+from typing import TextIO
 
 MOST_OF_A_WORD = 300  # letters without a space in between, such as a path
 MOST_OF_A_LINE = 4000  # letters
@@ -100,3 +106,36 @@ def for_html(text: object) -> str:
 def for_file_name(name: str) -> str:
     """A name for a file that other files refer to: one that is not all printable text gets underscores for the rest."""
     return name if name.isprintable() else NOT_IN_FILE_NAMES.sub("_", visible(name).replace("\\x", "_"))
+
+
+class UnprintedError(Exception):
+    """Output that cannot be written: the other end of a pipe has closed, or a disk is full."""
+
+    def __init__(self, error: OSError) -> None:
+        super().__init__(f"stdout: {error.strerror}")
+        self.is_closed = isinstance(error, BrokenPipeError)  # by one who has seen enough, such as head
+
+
+def print_text(text: str, file: TextIO | None = None, end: str = "\n") -> None:
+    """Print on stdout, or another stream. Raises UnprintedError."""
+    stream = sys.stdout if file is None else file
+    encoding = getattr(stream, "encoding", None) or "utf-8"
+    try:
+        stream.write((visible(text) + end).encode(encoding, "backslashreplace").decode(encoding))
+        stream.flush()
+    except OSError as error:
+        raise UnprintedError(error) from None
+
+
+def print_to_stderr(message: str) -> None:
+    """Print a line on stderr; errors in writing are ignored."""
+    with suppress(UnprintedError):
+        print_text(for_line(message), sys.stderr)
+
+
+def leave_stdout() -> None:
+    """Discard what is left to print, so that Python does not complain at exit."""
+    with suppress(OSError, ValueError):
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)

@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline, stopping
 from pdmesh.file_kinds import FileKind
-from pdmesh.model.bond_counts import pair_count
-from pdmesh.plain_text import visible
-from pdmesh.printing import print_text
+from pdmesh.model.amounts import pair_count
+from pdmesh.plain_text import print_text, visible
 from pdmesh.spelling import ALIKE, nearest
 from pdsolve.ranks import launch
 from pdsolve.run.progress import Watch

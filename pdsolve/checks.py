@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model import unused_settings
+from pdmesh.model.amounts import MUCH, damping_warning
 from pdmesh.model.cohesive_softening import COARSE, characteristic_length, largest_horizon
-from pdmesh.model.damping import MUCH, damping_warning
 from pdmesh.model.document import MOST, Displacement, InitialVelocity, Timed
-from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.graphs import tree_of
 from pdmesh.model.lattice_calibration import along_axes, lattice_ratios
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
 from pdmesh.model.node_grid import Grid

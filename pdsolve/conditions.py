@@ -23,7 +23,7 @@ from pdmesh.model.document import (
     Spring,
     Velocity,
 )
-from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.graphs import tree_of
 from pdmesh.model.load_resultants import shares_of
 from pdmesh.model.material_constants import pressure_speed
 from pdmesh.model.rigid_bodies import first_velocities, rigid_velocities

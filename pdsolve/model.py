@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pdmesh.files import FilePath
 from pdmesh.model import selection
 from pdmesh.model.consistency import examine
-from pdmesh.model.contact import RigidBody
+from pdmesh.model.contradictions import beyond
 from pdmesh.model.document import (
     LARGEST,
     GridError,
@@ -36,9 +36,9 @@ from pdmesh.model.document import (
 from pdmesh.model.document import read_document as parse_document
 from pdmesh.model.fracture_energy import with_fracture_energy
 from pdmesh.model.material import UNKNOWN
-from pdmesh.model.material_columns import MaterialColumns
+from pdmesh.model.material_constants import MaterialColumns
+from pdmesh.model.mechanical_conditions import RigidBody
 from pdmesh.model.node_grid import Grid, document_of, grid_of
-from pdmesh.model.number_bounds import beyond
 from pdmesh.model.output_fields import OF_CONTENT
 from pdmesh.model.rigid_bodies import densities, without_bonds
 from pdmesh.model.settings_overlay import ModelError, overlaid

@@ -174,7 +174,7 @@ RIGHT_ANSWERS = (
         "tests/verification/test_grips_and_loads.py::test_short_bars_stretch_as_much_inside_as_between_their_ends",
     ),
     Mutant(
-        "pdmesh/scene/edge_shares.py",
+        "pdmesh/scene/conditions.py",
         "(column > depth + ROUND_OFF) + 0.5 *",
         "(column > depth + ROUND_OFF) + 1.0 *",
         "tests/verification/test_grips_and_loads.py::test_rows_share_a_traction_as_their_families_lack",
@@ -328,7 +328,7 @@ RIGHT_ANSWERS = (
     ),
     # numbers of numpy, and laws of one's own
     Mutant(
-        "pdmesh/model/plain_numbers.py",
+        "pdmesh/model/base_structs.py",
         "                msgspec.structs.force_setattr(self, name, plain_value)",
         "                pass",
         "tests/unit/pdmesh/scene/test_plain_numbers.py::test_numbers_of_numpy_make_the_same_scenes",
@@ -353,7 +353,7 @@ RIGHT_ANSWERS = (
     ),
     # many materials
     Mutant(
-        "pdmesh/model/material_columns.py",
+        "pdmesh/model/material_constants.py",
         "            msgspec.structs.force_setattr(material, name, column[numbers])",
         "            msgspec.structs.force_setattr(material, name, column[numbers[:1]])",
         "tests/unit/pdmesh/model/test_material_columns.py::test_constants_are_those_of_each_material",
@@ -391,7 +391,7 @@ RIGHT_ANSWERS = (
         "tests/unit/pdmesh/model/test_fracture_energy.py::test_bonds_break_at_the_stretch_that_is_set",
     ),
     Mutant(
-        "pdmesh/scene/fracture_energies.py",
+        "pdmesh/scene/missing_values.py",
         "replace(body, material=_energetic(body.material, scene, body.spacing))",
         "replace(body, material=body.material)",
         "tests/unit/pdmesh/model/test_fracture_energy.py::test_a_body_beside_has_it_at_its_own_spacing",

@@ -19,7 +19,7 @@ from pdmesh.model.document import Document, Settings, read_file, settings_of
 from pdmesh.model.node_grid import grid_of
 from pdmesh.model.settings_overlay import overlaid
 from pdmesh.scene.body import Body
-from pdmesh.scene.files_of_values import with_files
+from pdmesh.scene.missing_values import with_files
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError, errors_at
 

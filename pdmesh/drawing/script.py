@@ -149,7 +149,7 @@ def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
         scene = names.get("scene")
         if isinstance(scene, Scene | Body):  # values of place are handed over as tables: of files, and of functions
             from pdmesh.drawing.building import tabulated  # here, as it draws on what reads drawings
-            from pdmesh.scene.files_of_values import with_files
+            from pdmesh.scene.missing_values import with_files
 
             scene = tabulated(with_files(scene, path.parent))
     except BaseException as error:

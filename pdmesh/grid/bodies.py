@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from pdmesh.grid.bodies_beside import joined
 from pdmesh.grid.cubic import Cubic, Scattered, place_nodes
-from pdmesh.model.contact import REST
 from pdmesh.model.document import (
     ON_ONE_LATTICE,
     AnyCondition,
@@ -30,9 +29,9 @@ from pdmesh.model.document import (
     Settings,
     Spring,
 )
+from pdmesh.model.mechanical_conditions import REST
 from pdmesh.model.node_grid import Grid, whole_lattice
-from pdmesh.model.surface_feet import ways_to
-from pdmesh.model.triangulated_surface import distances
+from pdmesh.model.triangulated_surface import distances, ways_to
 from pdmesh.scene.body import Body, CrackFace, SolidCondition, Where
 from pdmesh.scene.conditions import describe
 from pdmesh.scene.faces import SIDES, face

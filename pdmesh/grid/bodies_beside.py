@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 
 from pdmesh.grid.lattice import build_grid, cell_areas, grid_of_nodes, place_nodes, settings_of
-from pdmesh.model.contact import REST
 from pdmesh.model.document import InitialVelocity, Region, RigidBody, Settings
+from pdmesh.model.mechanical_conditions import REST
 from pdmesh.model.node_grid import Bodies, Grid
 from pdmesh.scene.conditions import Shift
 from pdmesh.scene.scene import Scene

@@ -21,8 +21,7 @@ from pdmesh.model.values_of_place import PlaceError
 from pdmesh.scene import checks
 from pdmesh.scene.body import Body
 from pdmesh.scene.conditions import Shift, describe
-from pdmesh.scene.files_of_values import with_files
-from pdmesh.scene.fracture_energies import known
+from pdmesh.scene.missing_values import known, with_files
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
 

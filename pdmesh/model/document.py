@@ -18,28 +18,37 @@ import hashlib
 import math
 import warnings
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, get_args
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, get_args
 
 import msgspec
 
 from pdmesh.background_thread import BackgroundThread
 from pdmesh.files import read_bytes, write_atomically
-from pdmesh.model.contact import BodyNodes as BodyNodes
-from pdmesh.model.contact import Contact as Contact
-from pdmesh.model.contact import RigidBody as RigidBody
-from pdmesh.model.fatigue import Fatigue as Fatigue
-from pdmesh.model.grid_file_nodes import BEGIN, NodeColumns, NodeRecord, columns_of, taken_out, written
+from pdmesh.model.base_structs import MOST_STEPS as MOST_STEPS
+from pdmesh.model.base_structs import Amount, PlainStruct, Share
+from pdmesh.model.base_structs import Box as Box
+from pdmesh.model.base_structs import Id as Id
+from pdmesh.model.base_structs import Point as Point
+from pdmesh.model.base_structs import Positive as Positive
+from pdmesh.model.base_structs import PositiveInt as PositiveInt
+from pdmesh.model.base_structs import Selection as Selection
+from pdmesh.model.base_structs import Timed as Timed
+from pdmesh.model.base_structs import Vector as Vector
+from pdmesh.model.grid_file_nodes import BEGIN, NodeColumns, NodeRecord, columns_of, repeated_key, taken_out, written
 from pdmesh.model.grid_file_nodes import END as END_OF_NODES
-from pdmesh.model.ground_supports import Pin as Pin
-from pdmesh.model.ground_supports import Spring as Spring
 from pdmesh.model.material import Material as Material
 from pdmesh.model.mechanical_conditions import Absorb as Absorb
 from pdmesh.model.mechanical_conditions import Acceleration as Acceleration
+from pdmesh.model.mechanical_conditions import BodyNodes as BodyNodes
 from pdmesh.model.mechanical_conditions import Condition as Condition
+from pdmesh.model.mechanical_conditions import Contact as Contact
 from pdmesh.model.mechanical_conditions import Displacement as Displacement
 from pdmesh.model.mechanical_conditions import InitialDisplacement as InitialDisplacement
 from pdmesh.model.mechanical_conditions import InitialVelocity as InitialVelocity
 from pdmesh.model.mechanical_conditions import Load as Load
+from pdmesh.model.mechanical_conditions import Pin as Pin
+from pdmesh.model.mechanical_conditions import RigidBody as RigidBody
+from pdmesh.model.mechanical_conditions import Spring as Spring
 from pdmesh.model.mechanical_conditions import Velocity as Velocity
 from pdmesh.model.medium import Concentration as Concentration
 from pdmesh.model.medium import Exchange as Exchange
@@ -49,42 +58,90 @@ from pdmesh.model.medium import MediumRegion as MediumRegion
 from pdmesh.model.medium import OfDiffusion as OfDiffusion
 from pdmesh.model.medium import Solid as Solid
 from pdmesh.model.medium import Source as Source
-from pdmesh.model.monitors import Gap as Gap
-from pdmesh.model.monitors import LoadCell as LoadCell
 from pdmesh.model.output_fields import USUAL, Column
-from pdmesh.model.plain_numbers import PlainStruct
-from pdmesh.model.repeated_keys import repeated_key
 from pdmesh.model.suggestions import explained
-from pdmesh.model.timed_selection import MOST_STEPS as MOST_STEPS
-from pdmesh.model.timed_selection import Box as Box
-from pdmesh.model.timed_selection import Id as Id
-from pdmesh.model.timed_selection import Point as Point
-from pdmesh.model.timed_selection import Positive as Positive
-from pdmesh.model.timed_selection import PositiveInt as PositiveInt
-from pdmesh.model.timed_selection import Selection as Selection
-from pdmesh.model.timed_selection import Share
-from pdmesh.model.timed_selection import Timed as Timed
-from pdmesh.model.timed_selection import Vector as Vector
-from pdmesh.model.value_files import with_tables
+from pdmesh.model.values_at_places import with_tables
 from pdmesh.model.values_of_place import PlaceError
 
+CRACK, ARC = "crack", "arc"  # controls: the length of cracks of particles; that of the path of an elastic body
+Exponent = Annotated[float, msgspec.Meta(ge=1, le=100)]
+MOST_CYCLES = 1e15
 FORMAT_VERSION, SPACE_VERSION = 1, 2  # of plates; of bodies in space
-
 LARGEST = 1e9  # m
 MOST = 1e30  # of any number; products of more than that leave what a number can hold
 SLACK = 1e-9  # of a step: round-off
 MOST_LEVELS = 6  # how often a cell can be split
-
 START, END = b',\n"digest": "', b'"\n}\n'  # around the hexadecimal digits
 LARGE = 4_000_000  # bytes of a file whose digest is computed beside its reading
 KEY = b'"digest"'  # in a file that another program has written anew
-
 # hybrid: peridynamics where bonds may break, a compact lattice elsewhere; auto: hybrid or none, as costs less;
 # collocation: stencils of the same horizon there; split: cells split where energy is
 Adapt = Literal["none", "auto", "hybrid", "split", "collocation"]
 ON_ONE_LATTICE = ("auto", "hybrid", "collocation")  # ways to be solved for which the finest nodes are laid everywhere
 ADAPTS: tuple[str, ...] = get_args(Adapt)
 Crack = Annotated[tuple[float, ...], msgspec.Meta(min_length=6, max_length=9)]  # corners of a segment or a triangle, m
+
+
+class Gap(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """A monitored opening: how much longer the distance between the nodes nearest to two places has become."""
+
+    name: str
+    ends: tuple[Vector, Vector]  # m
+
+
+class LoadCell(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """The sum of the forces of some conditions."""
+
+    name: str
+    of: tuple[str, ...]  # names of conditions
+
+
+class Fatigue(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """How bonds tire, and the cycle of the loads.
+
+    After S. A. Silling and A. Askari, SAND2014-18590 (2014).
+
+    Every bond begins with a remaining life of 1, and breaks when none is left. A cycle of N takes of it
+
+        growth:      A eps^m      next to damage
+        initiation:  A1 eps^m1    elsewhere
+
+    where eps is the range of the bond's stretch within a cycle; up to `threshold` and `endurance`, nothing. The first
+    is Paris's line da/dN = C dK^m with the same exponent, whose C is proportional to A; the second is the line of
+    Wöhler's diagram, with the life 1 / (A1 eps^m1).
+
+    Cracks of particles grow by that line itself: C and m are given, and K is that of the tip.
+    """
+
+    A: Positive | None = None  # life that a bond next to damage loses in a cycle is A eps^m, with the range eps of its
+    # stretch; none: A1 eps^m1 everywhere
+    m: Exponent | None = None  # exponent of the range in A eps^m, and of dK in C dK^m
+    C: Positive | None = (
+        None  # m/cycle: growth of crack particles per cycle at dK = 1 Pa m^0.5; the C of da/dN = C dK^m
+    )
+    threshold_K: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # Pa m^0.5: range of K up to which crack particles do not
+    # grow
+    A1: Positive | None = None  # life that a bond not next to damage loses in a cycle is A1 eps^m1; none: such a bond
+    # loses none
+    m1: Exponent | None = None  # exponent of the range in A1 eps^m1
+    endurance: Amount = 0.0  # range of stretch up to which a bond not next to damage loses no life
+    threshold: Amount = 0.0  # range of stretch up to which a bond next to damage loses no life
+    damaged: Share = 0.25  # damage of a node from which the bonds within a horizon of it are next to damage
+    ratio: Annotated[float, msgspec.Meta(ge=-1, lt=1)] = 0.0  # load ratio R: smallest loads of a cycle divided by the
+    # largest
+    cycles: Annotated[float, msgspec.Meta(gt=0, le=MOST_CYCLES)] = MOST_CYCLES  # number of cycles at which the run ends
+    blocks: tuple[tuple[Positive, Share], ...] = ()  # load blocks: pairs of a number of cycles and a factor on the
+    # loads, applied one after the other and repeated
+
+
+class Cycled(NamedTuple):
+    """What one step of jumps came to; checkpoints hold a row for each."""
+
+    step: int
+    iterations: int  # in all
+    residual: float  # what is left of the forces over those from outside
+    cycles: float  # since the start
+    broken: int  # directed bonds since the start
 
 
 class GridError(ValueError):
@@ -119,6 +176,8 @@ OfMechanics = (
     | Spring
     | Pin
 )
+
+
 AnyCondition = OfMechanics | OfDiffusion
 
 

@@ -13,8 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, get_args, get_
 import msgspec
 from msgspec import Meta
 
-from pdmesh.model.plain_numbers import PlainStruct
-from pdmesh.model.timed_selection import Amount, Positive
+from pdmesh.model.base_structs import Amount, PlainStruct, Positive
 
 USUAL_LAW = "brittle"
 UNKNOWN = 0.0  # G0 until it follows from the critical stretch; see `pdmesh.model.fracture_energy`

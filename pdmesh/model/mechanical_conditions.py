@@ -1,14 +1,67 @@
-"""Conditions of mechanics on nodes: loads, prescribed and initial motions, and layers that absorb waves.
+"""Conditions of mechanics in grid files: loads, motions, layers that absorb waves, contact, springs and pins.
 
 Their values may depend on the place (`pdmesh.model.values_of_place`).
 """
 
 from __future__ import annotations
 
-from pdmesh.model.contact import Spin
-from pdmesh.model.timed_selection import Positive, PositiveInt, Selection, Share, Timed
-from pdmesh.model.timed_selection import Vector as NumbersAlongAxes
+from typing import Annotated, Literal
+
+import msgspec
+
+from pdmesh.model.base_structs import Amount, Id, PlainStruct, Point, Positive, PositiveInt, Selection, Share, Timed
+from pdmesh.model.base_structs import Vector as NumbersAlongAxes
 from pdmesh.model.values_of_place import Value, Vector
+
+Spin = float | tuple[float, float, float]  # rad/s, anticlockwise; of a body in space about x, y, z
+Restitution = Annotated[float, msgspec.Meta(ge=0.1, le=1)]  # the stable step falls with it
+REST = "plate"  # the body of the nodes that no other has
+Resistance = Annotated[tuple[Annotated[float, msgspec.Meta(ge=0)], ...], msgspec.Meta(min_length=2, max_length=3)]
+
+
+class BodyNodes(PlainStruct, frozen=True, forbid_unknown_fields=True):
+    """A body besides the first one, by the ids of its nodes."""
+
+    name: str
+    nodes: tuple[Id, ...]
+
+
+class Contact(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
+    """How bodies, and the faces of cracks, push each other apart."""
+
+    stiffness: Positive = 15.0  # factor f of the penalty stiffness f c V^2 / (3 spacings) of two nodes, with the
+    # micromodulus c and the volume V of a cell
+    distance: Share = 1.0  # distance below which two nodes repel each other, divided by the mean of their spacings
+    friction: Amount = 0.0  # Coulomb's coefficient of friction
+    restitution: Restitution = 1.0  # coefficient of restitution of pairs of nodes; bodies that deform rebound faster
+
+
+class RigidBody(Timed, frozen=True, kw_only=True, tag="rigid", tag_field="kind"):
+    """A body that moves as one: its nodes, all those of a body, have no bonds.
+
+    What is `held` keeps its velocity, times the factor of the profile; what is not moves freely from time 0 on.
+    """
+
+    mass: Positive | None = None  # kg/m, of a body in space kg, shared by its cells; None: only if all is held
+    x: float = 0.0  # m/s, of the centre of mass at time 0
+    y: float = 0.0
+    z: float = 0.0
+    spin: Spin = 0.0
+    held: tuple[Literal["x", "y", "z", "spin"], ...] = ()
+    radius: Positive | None = None  # m: its surface is a circle or sphere about its centre of mass; None: its nodes'
+
+    def ways(self, dimension: int) -> tuple[str, ...]:
+        """What it can have `held` in the plane (2) or in space (3)."""
+        return (*"xyz"[:dimension], "spin")
+
+
+def wrong_spin(spin: Spin, dimension: int) -> str | None:
+    """What is wrong with a spin in the plane (2) or in space (3): place, found and expected."""
+    if dimension == 2 and isinstance(spin, tuple):
+        return f"spin has {len(spin)} numbers; give one in a plate"
+    if dimension == 3 and not isinstance(spin, tuple) and spin:
+        return "spin is one number; give those about x, y and z in a body in space"
+    return None
 
 
 class Condition(Timed, frozen=True, kw_only=True):
@@ -93,3 +146,46 @@ class Absorb(Selection, frozen=True, kw_only=True, tag="absorb", tag_field="kind
     """An absorbing layer along an edge; damping grows with the distance from the nodes outside the layer."""
 
     depth: Positive | None = None  # m; None: as far as one of its nodes is from all that are not in it
+
+
+class Spring(Selection, frozen=True, kw_only=True, tag="spring", tag_field="kind"):
+    """An elastic bed (Winkler): springs between nodes and the ground, without force where nothing has moved.
+
+    ``stiffness``, traction over displacement along each axis, N/m^3, acts over ``rows`` rows of nodes;
+    ``body_stiffness``, body force over displacement, N/m^4, in a surface or a solid. ``length`` (m) of the supported
+    edge, or ``surface`` (m^2) of a face, makes the total exact. Their nodes' bonds do not break unless ``breakable``.
+    """
+
+    stiffness: Resistance | None = None
+    body_stiffness: Resistance | None = None
+    rows: PositiveInt = 1
+    length: Positive | None = None
+    surface: Positive | None = None
+    breakable: bool = False
+
+
+class Pin(Selection, frozen=True, kw_only=True, tag="pin", tag_field="kind"):
+    """A pin in a hole of a plate: the nodes move as a rigid ring that turns freely about ``centre``, m, which stays.
+
+    Their bonds do not break unless ``breakable``.
+    """
+
+    centre: Point = (0.0, 0.0)
+    breakable: bool = False
+
+
+def wrong_spring(spring: Spring, dimension: int) -> str | None:
+    """What a spring support cannot be: place, found and expected; None if it can."""
+    stiffnesses = {"stiffness": spring.stiffness, "body_stiffness": spring.body_stiffness}
+    present = {name: along for name, along in stiffnesses.items() if along is not None}
+    if len(present) != 1:
+        return f": {' and '.join(present) or 'none'} given; give one of {', '.join(stiffnesses)}"
+    ((name, along),) = present.items()
+    if len(along) != dimension:
+        return f".{name} has {len(along)} numbers; give {dimension}"
+    if not any(along):
+        return f".{name} is 0 along every axis; use more along one"
+    extent = "surface" if dimension == 2 else "length"
+    if getattr(spring, extent) is not None:
+        return f".{extent} cannot be used in {'a plate' if dimension == 2 else 'a body in space'}; leave it out"
+    return None

@@ -6,8 +6,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from pdmesh.model.plain_numbers import PlainStruct
-from pdmesh.model.timed_selection import Amount, Positive, Selection, Timed, Vector
+from pdmesh.model.base_structs import Amount, PlainStruct, Positive, Selection, Timed, Vector
 from pdmesh.model.values_of_place import Expression, Table, Value
 
 AmountOfPlace = Amount | Expression | Table

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.graphs import tree_of
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.contact import REST, BodyNodes
+from pdmesh.model.contradictions import LEAST
 from pdmesh.model.document import (
     FORMAT_VERSION,
     LARGEST,
@@ -21,9 +21,9 @@ from pdmesh.model.document import (
     Vector,
 )
 from pdmesh.model.grid_file_nodes import NodeColumns, columns_of
+from pdmesh.model.mechanical_conditions import REST, BodyNodes
 from pdmesh.model.node_arrays import Bodies as Bodies
 from pdmesh.model.node_arrays import Grid as Grid
-from pdmesh.model.number_bounds import LEAST
 from pdmesh.model.whole_lattice import WholeLattice
 from pdmesh.model.whole_lattice import places as places
 

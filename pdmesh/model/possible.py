@@ -15,9 +15,10 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 
-from pdmesh.model.contact import RigidBody
 from pdmesh.model.contradictions import Case, Impossible, contradictions
 from pdmesh.model.document import (
+    ARC,
+    CRACK,
     Absorb,
     Acceleration,
     Condition,
@@ -32,7 +33,7 @@ from pdmesh.model.document import (
 from pdmesh.model.material import USUAL_LAW, Material
 from pdmesh.model.materials.kind import softens
 from pdmesh.model.materials.solids import SOLIDS
-from pdmesh.model.monitors import ARC, CRACK
+from pdmesh.model.mechanical_conditions import RigidBody
 from pdmesh.model.unused_settings import USUAL, value_of, word
 
 Occurrences = Iterator[tuple[str, str]]  # places and values there

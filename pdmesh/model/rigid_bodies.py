@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model import node_arrays
-from pdmesh.model.contact import RigidBody, wrong_spin
 from pdmesh.model.document import Acceleration, Displacement, GridError, InitialVelocity, Settings, Velocity
+from pdmesh.model.mechanical_conditions import RigidBody, wrong_spin
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.values_at_places import values_at
 

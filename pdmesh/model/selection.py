@@ -8,7 +8,6 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.contact import wrong_spin
 from pdmesh.model.contradictions import wrong_monitors
 from pdmesh.model.document import (
     Acceleration,
@@ -26,7 +25,7 @@ from pdmesh.model.document import (
     Timed,
     Velocity,
 )
-from pdmesh.model.ground_supports import wrong_spring
+from pdmesh.model.mechanical_conditions import wrong_spin, wrong_spring
 from pdmesh.model.node_arrays import Grid
 from pdmesh.model.values_at_places import values_at
 from pdmesh.model.values_of_place import PlaceError, Value, named, varying, wrong_value

@@ -19,7 +19,7 @@ import msgspec
 AXES = "xyz"
 LONGEST = 1000  # letters of an expression
 MOST_PARTS = 500  # of its syntax tree
-FILES = (".csv", ".npy")  # ends of names of tables; see `value_files`
+FILES = (".csv", ".npy")  # ends of names of tables; see `values_at_places`
 LARGEST = 1e30  # of a value
 LEAST = 1e-100  # smaller values are 0
 

@@ -35,7 +35,7 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.values_at_places import largest
 from pdmesh.reports.bonds_and_step import stable_step
-from pdmesh.scene.fracture_energies import known
+from pdmesh.scene.missing_values import known
 from pdmesh.scene.plate import Refinement
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError, surface

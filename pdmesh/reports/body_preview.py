@@ -19,8 +19,7 @@ from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.suggestions import called
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_legend
-from pdmesh.reports.load_arrows import total
-from pdmesh.reports.style import CONDITIONS, CRACK, DPI, MARGIN, marker, shades
+from pdmesh.reports.load_arrows import CONDITIONS, CRACK, DPI, MARGIN, marker, shades, total
 
 SIDE = 4.2  # inches, of each of the four at most
 LEAST, FLATTEST = 0.4, 0.7  # of that, how low a row of them is, and that with the outline

@@ -1,13 +1,19 @@
-"""Bond counts of a finished grid, and its stable time step."""
+"""Bond counts of a finished grid and its stable time step, and the bonds that a run of it has, for pictures.
+
+What the solver refuses, such as a grid without a material, has all pairs within a horizon, as in `pdmesh info`.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.document import Settings
 from pdmesh.model.lattice_calibration import calibrated_family, has_partial_cells, lattice_ratios
 from pdmesh.model.material import Material
 from pdmesh.model.neighbours import Neighbours, lengths
@@ -15,7 +21,6 @@ from pdmesh.model.node_grid import Grid
 from pdmesh.model.visibility import sight_of
 
 CHUNK = 10_000  # nodes whose bonds are looked at together
-
 SURFACES = 0.84  # of the step of a full family: corrected edges are stiffer along themselves, measured 0.85 to 0.885
 
 
@@ -67,3 +72,28 @@ def stable_step(material: Material, ratio: float, spacing: float) -> float:
     xi, c = calibrated_family(material, ratio)
     total = float((c / lengths(xi)).sum())
     return float(SURFACES * spacing * np.sqrt(4 * material.rho / total))
+
+
+class DirectedBonds(NamedTuple):
+    """Directed bonds of some of a grid's nodes, those that a pre-crack cuts included."""
+
+    source: NDArray[np.int64]  # (b,) row of the node whose bond it is
+    target: NDArray[np.int64]  # (b,)
+    intact: NDArray[np.bool_]  # (b,) no pre-crack cuts it
+
+
+def bonds_of_run(grid: Grid, settings: Settings, name: str, rows: NDArray[np.int64]) -> Iterator[DirectedBonds]:
+    """Bonds of the nodes in `rows`, which increase, in the conservative mode, a chunk of nodes at a time."""
+    pairs_of = None
+    if settings.material is not None:
+        from pdsolve import Model, ModelError, bond_pairs
+
+        with suppress(ModelError):
+            pairs_of = bond_pairs(Model(grid, settings, name))
+    if pairs_of is None:
+        for part in bonds(grid, settings.horizon.ratio, rows):
+            yield DirectedBonds(part.source[part.inside], part.target[part.inside], ~part.cut[part.inside])
+        return
+    for start in range(0, len(rows), CHUNK):
+        pairs, intact, *_ = pairs_of(rows[start : start + CHUNK])
+        yield DirectedBonds(pairs.source, pairs.target, intact)

@@ -1,8 +1,11 @@
-"""Symbols in pictures of plates: arrows of loads, and marks of what is held."""
+"""Symbols and style of pictures of grids: arrows of loads, and marks of what is held."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.markers import MarkerStyle
@@ -10,7 +13,7 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from pdmesh.model.document import AnyCondition, Displacement, Load, Pin, Spring
-from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.graphs import tree_of
 from pdmesh.model.load_resultants import nodal_forces
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.values_at_places import vectors_at
@@ -21,6 +24,10 @@ MOST = 12  # arrows or marks of a condition
 HELD = {(True, True): "^", (False, True): "o", (True, False): ">"}  # marks, by whether x and y are held
 COIL = Path([(0, 0), (0, -2), (-3, -3), (3, -5), (-3, -7), (3, -9), (0, -10), (0, -12), (-4, -12), (4, -12)])
 PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""))
+DPI = 200  # dots per inch
+MARGIN = 0.02  # of what is drawn
+CRACK = "#d62728"
+CONDITIONS = ("#ff7f0e", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#17becf", "#bcbd22")
 
 
 def symbols(axes: Axes, condition: AnyCondition, grid: Grid, rows: NDArray[np.int64], colour: str) -> None:
@@ -73,3 +80,14 @@ def total(condition: AnyCondition, grid: Grid, rows: NDArray[np.int64]) -> str:
     value = float(np.linalg.norm(nodal_forces(condition, grid, rows).sum(axis=0)))
     size, prefix = next((scale for scale in PREFIXES if value >= scale[0]), PREFIXES[-1])
     return f", {value / size:.4g} {prefix}{'N/m' if grid.dimension == 2 else 'N'}"
+
+
+def shades(delta: NDArray[np.float64]) -> list[tuple[float, Any]]:
+    """Each spacing, m, with its shade of grey."""
+    spacings = np.unique(delta)
+    return list(zip(spacings.tolist(), colormaps["Greys_r"](np.linspace(0.15, 0.62, len(spacings))), strict=True))
+
+
+def marker(spacing: float, points: float) -> float:
+    """Size of a node's mark in points, with `points` points to a metre."""
+    return float(np.clip(0.6 * spacing * points, 0.25, 5))

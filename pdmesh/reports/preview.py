@@ -14,16 +14,15 @@ from numpy.typing import NDArray
 
 from pdmesh.files import write_atomically
 from pdmesh.model import selection
-from pdmesh.model.bond_counts import pair_count
+from pdmesh.model.amounts import pair_count
 from pdmesh.model.document import Document, settings_of
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.visibility import plate_of
 from pdmesh.plain_figure import Figure, formats
 from pdmesh.plain_text import for_legend
 from pdmesh.reports import body_preview
-from pdmesh.reports.bonds_of_run import bonds_of_run
-from pdmesh.reports.load_arrows import symbols
-from pdmesh.reports.style import CRACK, DPI, MARGIN, marker, shades
+from pdmesh.reports.bonds_and_step import bonds_of_run
+from pdmesh.reports.load_arrows import CRACK, DPI, MARGIN, marker, shades, symbols
 from pdmesh.scene.shapes import SceneError
 
 WIDTH, TALLEST = 8.0, 9.0  # inches

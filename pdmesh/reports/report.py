@@ -13,8 +13,8 @@ from pdmesh.grid.adaptive_scene import nested, undivided
 from pdmesh.grid.bodies import build_body
 from pdmesh.grid.bodies_beside import build_scene
 from pdmesh.grid.lattice import grid_of_nodes, place_nodes
-from pdmesh.model import node_arrays, selection, zone_strengths
-from pdmesh.model.bond_counts import pair_count
+from pdmesh.model import cohesive_softening, node_arrays, selection, zone_strengths
+from pdmesh.model.amounts import pair_count
 from pdmesh.model.consistency import examine
 from pdmesh.model.contradictions import Case
 from pdmesh.model.document import ON_ONE_LATTICE, Document, GridError, Material, Settings, settings_of
@@ -27,16 +27,14 @@ from pdmesh.model.suggestions import called
 from pdmesh.model.triangulated_surface import volume
 from pdmesh.model.visibility import plate_of
 from pdmesh.reports.bonds_and_step import count
-from pdmesh.reports.softening import softening
 from pdmesh.scene.body import Body
-from pdmesh.scene.fracture_energies import known
+from pdmesh.scene.missing_values import known
 from pdmesh.scene.scene import Scene
 
 if TYPE_CHECKING:
     from pdsolve import Plan
 
 DEFAULT_MODE = "conservative"
-
 MOST_COUNTED = 3_000_000  # nodes of a one-scale equivalent that are still placed, not estimated
 HEAT = {
     "concentration": "temperature",
@@ -50,6 +48,30 @@ IN_WATTS = {"value": "K", "rate": "W/m^3", "flux": "W/m^2", "coefficient": "W/(m
 NOTHING = 1e-9  # of the largest force, and of that times the size of the grid: round-off
 SAMPLE = 20_000  # nodes whose bonds stand for those of a larger grid
 IF_NOTHING_BREAKS = "if nothing breaks: each group of breaking bonds needs another equilibrium"
+
+
+def softening(material: Material | None, ratio: float, spacing: float, dimension: int) -> dict[str, float]:
+    """Numbers in SI units, of the conservative mode at a spacing, m; none where bonds do not soften or pull at all.
+
+    Of bilinear bonds `f_t` is the tensile strength that their `kr` amounts to.
+    """
+    if material is None or material.model not in ("bond", "micropolar"):
+        return {}
+    material = msgspec.structs.replace(material, plane="space") if dimension == 3 else material
+    horizon = ratio * spacing
+    if not lattice_ratios(ratio, material.micromodulus, material.plane, has_partial_cells(material)).c11 > 0:
+        return {}
+    if material.law == "bilinear" and material.kr > 1:
+        return {"f_t": cohesive_softening.strength_of_peak(material, ratio, horizon)}
+    if material.law != "cohesive" or material.f_t is None:
+        return {}
+    return {
+        "l_ch": cohesive_softening.characteristic_length(material),
+        "horizon": horizon,
+        "largest_horizon": cohesive_softening.largest_horizon(material, ratio),
+        "w_c": float(cohesive_softening.critical_opening(material, ratio, np.array([horizon]))[0]),
+        "first_stretch": cohesive_softening.first_stretch(material),
+    }
 
 
 def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, Any]:

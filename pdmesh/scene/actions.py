@@ -8,6 +8,7 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
+from pdmesh.model.base_structs import plain
 from pdmesh.model.document import (
     Acceleration,
     AnyCondition,
@@ -16,7 +17,6 @@ from pdmesh.model.document import (
     MediumRegion,
     Velocity,
 )
-from pdmesh.model.plain_numbers import plain
 from pdmesh.model.suggestions import explained
 from pdmesh.model.values_of_place import is_file, is_of_place, named, varying, wrong_value
 from pdmesh.scene.conditions import checked_profile

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Generic, TypeAlias, TypeVar
 import numpy as np
 import shapely
 
-from pdmesh.model.contact import REST
+from pdmesh.model.base_structs import PlainFields
 from pdmesh.model.document import (
     Adapt,
     AnyCondition,
@@ -23,9 +23,8 @@ from pdmesh.model.document import (
     Spring,
 )
 from pdmesh.model.document import Solid as Dissolving
-from pdmesh.model.ground_supports import wrong_spring
+from pdmesh.model.mechanical_conditions import REST, wrong_spring
 from pdmesh.model.medium import Medium
-from pdmesh.model.plain_numbers import PlainFields
 from pdmesh.model.rigid_bodies import contradiction
 from pdmesh.scene import actions
 from pdmesh.scene.checks import composed, described, passable, ratio

@@ -10,7 +10,6 @@ import numpy as np
 import shapely
 
 from pdmesh.messages import unfit
-from pdmesh.model.contact import REST
 from pdmesh.model.document import (
     LARGEST,
     MOST,
@@ -26,7 +25,7 @@ from pdmesh.model.document import (
     Spring,
 )
 from pdmesh.model.fracture_energy import LARGE_STRETCH, SOFT, stretch_of_lattice, wrong_energy
-from pdmesh.model.ground_supports import wrong_spring
+from pdmesh.model.mechanical_conditions import REST, wrong_spring
 from pdmesh.model.medium import Medium, contradiction
 from pdmesh.model.rigid_bodies import contradiction as contradiction_of_rigid
 from pdmesh.model.selection import LOADS, given_of

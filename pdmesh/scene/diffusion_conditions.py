@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Self
 
+from pdmesh.model.base_structs import plain
 from pdmesh.model.document import (
     Concentration,
     Exchange,
@@ -12,7 +13,6 @@ from pdmesh.model.document import (
     Source,
 )
 from pdmesh.model.medium import Medium
-from pdmesh.model.plain_numbers import plain
 from pdmesh.scene.conditions import Conditioned, Profile, W
 from pdmesh.scene.functions_of_place import ValueOfPlace, divided
 from pdmesh.scene.heat import Heat, capacity

@@ -12,9 +12,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
+from pdmesh.model.base_structs import PlainFields
 from pdmesh.model.document import MOST, Material, Region
 from pdmesh.model.medium import Medium
-from pdmesh.model.plain_numbers import PlainFields
 from pdmesh.scene.shapes import SceneError
 
 Physics = Literal["mechanics", "diffusion", "thermoelastic"]

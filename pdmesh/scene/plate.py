@@ -9,9 +9,9 @@ from typing import Literal
 import shapely
 from shapely import Polygon
 
+from pdmesh.model.base_structs import PlainFields
 from pdmesh.model.document import Contact, Material, MediumRegion, RigidBody, Run
 from pdmesh.model.medium import Medium
-from pdmesh.model.plain_numbers import PlainFields
 from pdmesh.model.svg_picture import svg
 from pdmesh.quantities import Unit
 from pdmesh.scene.conditions import MaterialRegion, PlacedCondition, PlacedRegion

@@ -40,11 +40,12 @@ from pdmesh.scene.conditions import (
     PlacedCondition,
     PlacedRegion,
     Profile,
+    Pulls,
     name_of,
+    pulls_of,
     unchecked,
 )
 from pdmesh.scene.diffusion_conditions import DiffusionConditions
-from pdmesh.scene.edge_shares import Pulls, pulls_of
 from pdmesh.scene.functions_of_place import ValueOfPlace, without_functions
 from pdmesh.scene.mechanical_conditions import MechanicalConditions
 from pdmesh.scene.plate import BodyBeside, Plate, Refinement, Zone

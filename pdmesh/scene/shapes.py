@@ -12,8 +12,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely import LineString, MultiLineString, MultiPolygon, Polygon
 
+from pdmesh.model.base_structs import PlainFields, plain
 from pdmesh.model.document import LARGEST
-from pdmesh.model.plain_numbers import PlainFields, plain
 
 NOTHING = 1e-100  # m
 MOST_CHORDS = 2**16  # of a quarter circle

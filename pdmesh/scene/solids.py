@@ -12,8 +12,8 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from pdmesh.model.base_structs import PlainFields
 from pdmesh.model.document import LARGEST
-from pdmesh.model.plain_numbers import PlainFields
 from pdmesh.scene.shapes import SceneError
 
 ROUND_OFF = 1e-12  # of a triangle's longest side squared

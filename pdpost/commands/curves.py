@@ -124,7 +124,7 @@ def _history(args: argparse.Namespace) -> int:
 
 def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> int:
     """The history of a substance that diffuses, or of heat."""
-    from pdmesh.model.content_amounts import amounts_line
+    from pdmesh.model.amounts import amounts_line
     from pdpost.measures.diffused_amounts import mass_balance_with_unit
     from pdpost.reading.json_keys import fields_by_json_key
     from pdpost.reading.time_text import time_text

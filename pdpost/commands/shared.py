@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdmesh.printing import print_text
+from pdmesh.plain_text import print_text
 
 if TYPE_CHECKING:
     from pdpost.figures.field_figure import Shown

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib.axes import Axes
 
-from pdmesh.model.content_amounts import way
+from pdmesh.model.amounts import way
 from pdmesh.model.output_fields import FIELDS
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_legend

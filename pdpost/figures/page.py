@@ -11,8 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from pdmesh.model.bond_counts import pair_count
-from pdmesh.model.content_amounts import way
+from pdmesh.model.amounts import pair_count, way
 from pdmesh.model.suggestions import called
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_html

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.damping import damping_warning
+from pdmesh.model.amounts import damping_warning
 from pdmesh.model.document import AnyCondition, Contact, Run
 from pdpost.reading.embedded_model import expect_mechanics, read
 from pdsolve.results import Results, ResultsError

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from pdmesh.model.crack_surfaces import TOUCH, front
+from pdmesh.model.visibility import TOUCH, front
 from pdpost.measures.crack_faces import CrackSurface, build_crack_surface, find_opened_face_neighbours
 from pdpost.measures.lattice_neighbours import NEAR, face_neighbour_pairs
 from pdpost.measures.strain import elastic_constants_of_nodes

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Horizon, Material
-from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.graphs import tree_of
 from pdmesh.model.lattice_calibration import has_partial_cells
 from pdmesh.model.neighbours import Neighbours
 from pdmesh.model.node_grid import Grid

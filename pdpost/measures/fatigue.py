@@ -22,8 +22,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Horizon, Run
-from pdmesh.model.fatigue import Cycled, Fatigue
+from pdmesh.model.document import Cycled, Fatigue, Horizon, Run
 from pdpost.measures import stress_intensities
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Results, ResultsError

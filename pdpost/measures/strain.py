@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Material, Region
-from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.graphs import tree_of
 from pdmesh.model.material_constants import poisson
 from pdmesh.model.node_arrays import selected
 from pdpost.reading.embedded_model import physics_of, read

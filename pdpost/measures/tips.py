@@ -21,7 +21,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Horizon
-from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.graphs import tree_of
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.crack_labels import CrackedNodes, label_cracked_nodes
 from pdpost.measures.cracked_nodes import ROUND_OFF, find_free_pre_crack_tips

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.bond_counts import pair_count
+from pdmesh.model.amounts import pair_count
 from pdpost.measures.diffused_amounts import mass_balance
 from pdpost.reading.embedded_model import run_of
 from pdpost.reading.frame_steps import frames

@@ -9,9 +9,9 @@ import msgspec
 import numpy as np
 
 from pdmesh.messages import unfit
+from pdmesh.model.contradictions import beyond
 from pdmesh.model.document import LARGEST, Crack, Run, Selection, Settings, Vector
-from pdmesh.model.number_bounds import beyond
-from pdmesh.model.repeated_keys import repeated_key
+from pdmesh.model.grid_file_nodes import repeated_key
 from pdmesh.model.suggestions import decode_older, explained
 from pdpost.reading.time_text import time_text
 from pdsolve.results import Results, ResultsError

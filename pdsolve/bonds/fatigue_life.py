@@ -1,4 +1,4 @@
-"""Remaining life of bonds that tire; the laws stand in `pdmesh.model.fatigue`."""
+"""Remaining life of bonds that tire; the laws stand in `pdmesh.model.document`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fatigue import Fatigue
+from pdmesh.model.document import Fatigue
 
 Array = NDArray[np.float64]
 

@@ -17,8 +17,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.base_structs import MOST_STEPS
 from pdmesh.model.material_constants import poisson, rayleigh_speed
-from pdmesh.model.timed_selection import MOST_STEPS
 from pdmesh.model.visibility import Sight
 from pdsolve.bonds.assembly import BondSource
 from pdsolve.checkpoint_validation import entry

@@ -7,7 +7,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Absorb, InitialDisplacement, InitialVelocity
-from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.graphs import tree_of
 from pdmesh.model.visibility import SLACK, plate_of
 from pdsolve.model import Model
 

@@ -18,7 +18,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.graphs import tree_of
 from pdmesh.model.neighbours import Pairs, row_chunks
 
 Array = NDArray[np.float64]

@@ -14,7 +14,7 @@ from contextlib import suppress
 
 from pdmesh import commandline, stopping
 from pdmesh.commandline import BAD_INPUT, FAILURE
-from pdmesh.printing import print_to_stderr
+from pdmesh.plain_text import print_to_stderr
 from pdsolve.numerics.team import NUMBERS, Floor, Team, is_first, is_one_of_many, team
 
 MISSING = "ranks need MPI for Python; install it: pip install 'pdsuite[mpi]'"

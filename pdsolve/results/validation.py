@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.base_structs import MOST_STEPS
 from pdmesh.model.document import LARGEST, MOST
-from pdmesh.model.timed_selection import MOST_STEPS
 from pdsolve.results.checksums import Row
 from pdsolve.results.opening import connect
 from pdsolve.results.schema import CHUNK, Breaks, Nodes, statements

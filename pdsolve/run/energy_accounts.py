@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pdmesh.model.bond_counts import pair_count
+from pdmesh.model.amounts import pair_count
 from pdsolve.checks import closing, warn_of_created_energy, warn_of_damping, warn_of_missing_dissipation
 from pdsolve.errors import UnstableError
 from pdsolve.fracture.broken_area import broken_area

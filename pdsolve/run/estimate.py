@@ -14,8 +14,7 @@ from typing import Any, NamedTuple, cast
 import msgspec
 import numpy as np
 
-from pdmesh.model.document import ON_ONE_LATTICE, Absorb, Load, Run, Settings
-from pdmesh.model.monitors import ARC
+from pdmesh.model.document import ARC, ON_ONE_LATTICE, Absorb, Load, Run, Settings
 from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity
 from pdsolve.checks import warn_of_model
 from pdsolve.diffusion.swelling import Swelling

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.graphs import tree_of
 from pdmesh.model.material_constants import critical_stretch
 from pdmesh.model.neighbours import ROUND_OFF
 from pdsolve.checks import named, warn

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import stopping
 from pdmesh.commandline import STOPS
-from pdmesh.printing import print_to_stderr
+from pdmesh.plain_text import print_to_stderr
 
 if TYPE_CHECKING:
     from pdsolve.run.simulation import Progress

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh import VERSION
-from pdmesh.model.bond_counts import pair_count
+from pdmesh.model.amounts import pair_count
 from pdmesh.model.node_grid import Grid
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.codegen.compile_time import processor_kind, running_time

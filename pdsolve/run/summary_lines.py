@@ -5,8 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from pdmesh.model.bond_counts import crack_energy
-from pdmesh.model.content_amounts import amounts_line
+from pdmesh.model.amounts import amounts_line, crack_energy
 from pdsolve.run.wall_time import wall_time_text
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Acceleration, Displacement, Load, Velocity
-from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.graphs import tree_of
 from pdmesh.model.load_resultants import shares_of
 from pdmesh.model.neighbours import row_chunks
 from pdmesh.model.selection import components

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fatigue import Cycled, Fatigue
+from pdmesh.model.document import Cycled, Fatigue
 from pdsolve.checkpoint_validation import entry
 from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import Operator

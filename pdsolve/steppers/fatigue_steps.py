@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fatigue import Fatigue
+from pdmesh.model.document import Fatigue
 from pdsolve.bonds.fatigue_life import LEFT, Place, jump, shares
 from pdsolve.bonds.static_breakage import Breakable
 from pdsolve.checkpoint_validation import entry

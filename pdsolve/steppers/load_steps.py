@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.bond_counts import pair_count
+from pdmesh.model.amounts import pair_count
 from pdsolve.bonds.static_breakage import Breaking
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import DISPLACEMENT, Drive, factors_at, put_loads

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.fatigue import Fatigue
+from pdmesh.model.document import Fatigue
 from pdsolve.checkpoint_validation import entry
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.graphs import tree_of
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, put_loads
 from pdsolve.model import Model, ModelError, ModelWarning

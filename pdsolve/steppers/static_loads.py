@@ -7,9 +7,8 @@ import dataclasses
 import msgspec
 import numpy as np
 
-from pdmesh.model.document import Condition, Displacement, Load
+from pdmesh.model.document import ARC, CRACK, Condition, Displacement, Load
 from pdmesh.model.materials.kind import softens
-from pdmesh.model.monitors import ARC, CRACK
 from pdmesh.model.selection import components, given_of
 from pdmesh.model.values_of_place import is_of_place
 from pdsolve.conditions import factors

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pdmesh import commandline, stopping
 from pdmesh.file_kinds import FileKind
-from pdmesh.printing import print_to_stderr
+from pdmesh.plain_text import print_to_stderr
 
 LISTED = 10  # runs that failed, in lines
 

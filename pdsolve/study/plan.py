@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from pdmesh.files import FilePath
-from pdmesh.model.bond_counts import pair_count
+from pdmesh.model.amounts import pair_count
 from pdsolve.codegen import jit_cache
 from pdsolve.numerics.thread_team import cores
 from pdsolve.run.estimate import measure_machine_slowdown

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING, Any
 
-from pdmesh.printing import print_to_stderr
+from pdmesh.plain_text import print_to_stderr
 from pdsolve.run.progress import LINE_EVERY, make_progress_bar
 from pdsolve.study.one_run import PATIENCE
 

@@ -36,7 +36,7 @@ GROUND = (
     "pdmesh.spelling",
     "pdmesh.commandline",
     "pdmesh.compiled_watch",
-    "pdmesh.completion",
+    "pdmesh.commandline",
     "pdmesh.environment_variables",
     "pdmesh.files",
     "pdmesh.file_kinds",
@@ -44,7 +44,7 @@ GROUND = (
     "pdmesh.model",
     "pdmesh.plain_figure",
     "pdmesh.plain_text",
-    "pdmesh.printing",
+    "pdmesh.plain_text",
     "pdmesh.stopping",
     "pdmesh.trust",
 )

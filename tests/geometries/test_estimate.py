@@ -16,7 +16,7 @@ from benchmarks.models import PLATES
 from pdmesh import Scene
 from pdmesh.grid.bodies_beside import build_scene
 from pdmesh.grid.lattice import build_grid
-from pdmesh.model.bond_counts import pair_count
+from pdmesh.model.amounts import pair_count
 from pdmesh.model.document import Run
 from pdmesh.model.node_grid import document_of
 from pdmesh.reports.report import info, plan

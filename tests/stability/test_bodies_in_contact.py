@@ -16,8 +16,8 @@ from messages import mentions
 from shapely import Point
 
 from pdmesh import Scene, box, build
-from pdmesh.model.contact import Contact
 from pdmesh.model.document import Run
+from pdmesh.model.mechanical_conditions import Contact
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare

@@ -11,7 +11,7 @@ from failure_cases import saying
 from messages import mentions
 from plates import plate, square_grid
 
-from pdmesh.model.bond_counts import pair_count
+from pdmesh.model.amounts import pair_count
 from pdmesh.model.document import InitialVelocity, Load, Run
 from pdsolve.model import Model
 from pdsolve.options import Options

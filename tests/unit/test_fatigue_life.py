@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pdmesh.model.fatigue import Fatigue
+from pdmesh.model.document import Fatigue
 from pdsolve.bonds.fatigue_life import Place, jump, wear
 
 EPS = np.array([1e-3, 5e-4, 2e-3, 0.0])

@@ -13,8 +13,8 @@ from messages import naming
 from numpy.typing import NDArray
 
 from pdmesh import Run, Scene, Static, box, build, ramp
-from pdmesh.model.contact import Contact
 from pdmesh.model.document import AnyCondition, Displacement, Load, Settings
+from pdmesh.model.mechanical_conditions import Contact
 from pdmesh.model.node_grid import Bodies, Grid
 from pdsolve import Results
 from pdsolve.model import Model, ModelError

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from plates import shipped
 
 from pdmesh import Circle, Fatigue, Material, Run, Scene, box, build
-from pdmesh.model.document import ParticleRules
-from pdmesh.model.fatigue import Cycled
+from pdmesh.model.document import Cycled, ParticleRules
 from pdpost.measures.fatigue import (
     TipFatigueGrowth,
     fit_paris_line,

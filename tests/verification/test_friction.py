@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from contact_bars import UNIT, grid_of
 
-from pdmesh.model.contact import Contact
 from pdmesh.model.document import Displacement, Load, Settings
+from pdmesh.model.mechanical_conditions import Contact
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row

@@ -12,7 +12,7 @@ import shapely
 from pdmesh import Material, Run, Scene, box, build
 from pdmesh.model.document import Displacement, GridError
 from pdmesh.model.selection import _check_components
-from pdmesh.scene.edge_shares import pulls_of, shares
+from pdmesh.scene.conditions import pulls_of, shares
 from pdsolve import Model, Options, simulate
 
 H, E = 1e-3, 70e9

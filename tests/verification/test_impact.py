@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 from contact_bars import bar, grid_of, moving, struck
 
-from pdmesh.model.contact import Contact
 from pdmesh.model.document import Displacement, Horizon, Material, RigidBody, Run
+from pdmesh.model.mechanical_conditions import Contact
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare

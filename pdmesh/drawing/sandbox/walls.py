@@ -19,7 +19,7 @@ import warnings
 from collections.abc import Collection
 from pathlib import Path
 
-from pdmesh.printing import print_to_stderr
+from pdmesh.plain_text import print_to_stderr
 from pdmesh.trust import TrustWarning
 
 MEMORY = 2**31  # bytes, where nothing else is said

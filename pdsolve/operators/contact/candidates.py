@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.kd_trees import tree_of
+from pdmesh.model.graphs import tree_of
 from pdmesh.model.neighbours import lengths, row_chunks
 from pdsolve.model import Model
 from pdsolve.operators.contact.drawn_faces import drawn_faces

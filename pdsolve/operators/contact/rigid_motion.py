@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.contact import RigidBody
+from pdmesh.model.mechanical_conditions import RigidBody
 from pdmesh.model.rigid_bodies import rigid_bodies, spin_of, wide
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, Driving, factor_now

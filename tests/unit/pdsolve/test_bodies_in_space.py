@@ -12,8 +12,8 @@ from scipy.spatial.distance import pdist
 
 from pdmesh import Body, Box, Material, SceneError, Sphere, build
 from pdmesh.drawing.file_reading import read_scene
-from pdmesh.model.contact import Contact
 from pdmesh.model.document import Displacement, InitialVelocity, RigidBody, Run, read_document
+from pdmesh.model.mechanical_conditions import Contact
 from pdmesh.model.node_grid import grid_of
 from pdsolve.model import Model
 from pdsolve.operators.contact.operator import pair_stiffness

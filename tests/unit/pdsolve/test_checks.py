@@ -13,8 +13,8 @@ from failure_cases import saying
 from messages import mentions, naming
 from plates import GLASS, plate, square_grid, two_scale_grid
 
-from pdmesh.model.contact import Contact
 from pdmesh.model.document import Lattice, Region, Run
+from pdmesh.model.mechanical_conditions import Contact
 from pdmesh.model.node_grid import Grid, whole_lattice
 from pdsolve.checks import closing, nearest, refuse_numbers, warn_of_missing_dissipation, warn_of_model
 from pdsolve.model import Model, ModelError

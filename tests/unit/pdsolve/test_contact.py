@@ -14,8 +14,8 @@ from messages import naming
 from numpy.typing import NDArray
 
 from pdmesh import Scene, box, build, ramp
-from pdmesh.model.contact import Contact
 from pdmesh.model.document import InitialVelocity, RigidBody, Run, Settings
+from pdmesh.model.mechanical_conditions import Contact
 from pdsolve import simulate
 from pdsolve.model import Model, ModelError, read_model
 from pdsolve.operators.contact.kernel import ease

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from contact_bars import bar, grid_of, moving
 
-from pdmesh.model.contact import Contact
+from pdmesh.model.mechanical_conditions import Contact
 from pdsolve.operators.contact.candidates import candidates
 from pdsolve.operators.contact.kernel import farthest
 from pdsolve.operators.contact.operator import PenaltyContact

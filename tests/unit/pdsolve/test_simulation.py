@@ -16,7 +16,7 @@ from plates import plate, square_grid
 from system_checks import bonds_of, kept
 from tampered_databases import tampered
 
-from pdmesh.model.bond_counts import pair_count
+from pdmesh.model.amounts import pair_count
 from pdmesh.model.document import Run
 from pdmesh.model.output_fields import CRACKED
 from pdsolve.model import Model, ModelError, ModelWarning

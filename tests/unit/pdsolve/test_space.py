@@ -14,7 +14,7 @@ from messages import naming
 from pdmesh import Body, Box, Material
 from pdmesh.drawing.building import meshed
 from pdmesh.grid.building import build
-from pdmesh.model.bond_counts import pair_count
+from pdmesh.model.amounts import pair_count
 from pdmesh.model.document import Lattice, Run, Settings
 from pdmesh.model.lattice_calibration import lattice_ratios
 from pdmesh.model.node_grid import whole_lattice

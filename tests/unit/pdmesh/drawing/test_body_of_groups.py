@@ -10,8 +10,8 @@ from messages import naming
 from plates import GEOMETRIES
 
 from pdmesh.drawing.file_reading import build_file, read_scene
-from pdmesh.model.contact import Contact
 from pdmesh.model.document import Displacement, InitialVelocity, Load, RigidBody
+from pdmesh.model.mechanical_conditions import Contact
 from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError
 

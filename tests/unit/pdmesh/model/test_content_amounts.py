@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from pdmesh.model.content_amounts import amounts_line
+from pdmesh.model.amounts import amounts_line
 
 
 @pytest.mark.parametrize(

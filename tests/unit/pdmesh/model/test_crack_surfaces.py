@@ -1,4 +1,4 @@
-"""Cracks of triangles in space: who is parted, and the way round their front (pdmesh.model.crack_surfaces)."""
+"""Cracks of triangles in space: who is parted, and the way round their front (pdmesh.model.visibility)."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pdmesh.model.crack_surfaces import apart, around, front, parted
 from pdmesh.model.triangulated_surface import meets, normals
+from pdmesh.model.visibility import apart, around, front, parted
 
 Array = NDArray[np.float64]
 

@@ -10,8 +10,7 @@ from plates import GLASS, plate, square_grid
 
 from pdmesh import Body, Box, Scene, box
 from pdmesh.model.document import Material, Region
-from pdmesh.model.material_columns import MaterialColumns
-from pdmesh.model.material_constants import critical_stretch, micromodulus
+from pdmesh.model.material_constants import MaterialColumns, critical_stretch, micromodulus
 from pdmesh.model.selection import last_selecting
 from pdmesh.scene import checks
 from pdsolve.schemes import average_horizon, one_sided

@@ -7,11 +7,11 @@ import inspect
 import msgspec
 import pytest
 
-from pdmesh.model import document, ground_supports, medium
+from pdmesh.model import document, mechanical_conditions, medium
 from pdmesh.model.medium import Medium, Solid
 
 
-@pytest.mark.parametrize("module", [document, ground_supports, medium], ids=lambda module: module.__name__)
+@pytest.mark.parametrize("module", [document, mechanical_conditions, medium], ids=lambda module: module.__name__)
 def test_descriptions_are_frozen(module: object) -> None:
     found = [one for _, one in inspect.getmembers(module, inspect.isclass) if issubclass(one, msgspec.Struct)]
     assert len(found) > 2

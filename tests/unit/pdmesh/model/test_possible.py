@@ -12,7 +12,6 @@ from messages import mentions, naming
 from plates import GEOMETRIES, plate, square_grid
 
 from pdmesh.__main__ import main as mesh_command
-from pdmesh.model.contact import Contact
 from pdmesh.model.document import (
     Absorb,
     Collocation,
@@ -26,6 +25,7 @@ from pdmesh.model.document import (
     Static,
     write_file,
 )
+from pdmesh.model.mechanical_conditions import Contact
 from pdmesh.model.medium import Medium
 from pdmesh.model.node_grid import document_of
 from pdmesh.model.possible import impossible

@@ -9,8 +9,7 @@ import pytest
 
 from pdmesh.__main__ import main as pdmesh
 from pdmesh.model.document import GridError, read_document
-from pdmesh.model.grid_file_nodes import BEGIN, BETWEEN, END
-from pdmesh.model.repeated_keys import repeated_key
+from pdmesh.model.grid_file_nodes import BEGIN, BETWEEN, END, repeated_key
 
 NODE = '{"id":1,"border":"true","position":[0,0,0],"hole_id":-1,"delta":[1,1,1]}'
 

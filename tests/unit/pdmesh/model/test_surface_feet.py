@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pdmesh.model.surface_feet import ways_to
+from pdmesh.model.triangulated_surface import ways_to
 from pdmesh.scene.solids import brick
 
 SQUARE = np.array([[(0, 0, 0), (1, 0, 0), (1, 1, 0)], [(0, 0, 0), (1, 1, 0), (0, 1, 0)]], dtype=float)

@@ -9,7 +9,7 @@ from plates import GEOMETRIES, square_grid, two_scale_grid
 
 from pdmesh.drawing.file_reading import build_file
 from pdmesh.grid.lattice import cell_areas
-from pdmesh.model.thesis_areas import thesis_areas
+from pdsolve.bonds.assembly import thesis_areas
 
 
 def test_equation_19_on_one_scale_is_the_spacing_squared_everywhere() -> None:

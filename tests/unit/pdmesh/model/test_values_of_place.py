@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pdmesh.model.value_files import MOST_BYTES, read_table
-from pdmesh.model.values_at_places import values_at
+from pdmesh.model.values_at_places import MOST_BYTES, read_table, values_at
 from pdmesh.model.values_of_place import PlaceError, Table, wrong_value
 
 PLACES = np.array([[0.0, 0.0], [0.5, 1.0], [1.0, 2.0]])

@@ -13,9 +13,9 @@ from pdmesh import Body, Box, Circle, Material, Scene, SceneError, build
 from pdmesh.grid.bodies import build_body
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.node_grid import document_of
+from pdmesh.reports.load_arrows import marker
 from pdmesh.reports.preview import draw, save
 from pdmesh.reports.report import info
-from pdmesh.reports.style import marker
 from pdmesh.scene.solids import brick
 
 

@@ -13,7 +13,7 @@ from plates import GEOMETRIES, GLASS
 from pdmesh import Circle, Medium, Run, Scene, Static, box, ramp
 from pdmesh.drawing.file_reading import build_file, read_scene
 from pdmesh.grid.lattice import build_grid
-from pdmesh.model.bond_counts import pair_count
+from pdmesh.model.amounts import pair_count
 from pdmesh.model.document import Document, GridError, Load, Material
 from pdmesh.model.node_grid import document_of
 from pdmesh.reports.bonds_and_step import SURFACES, count, stable_step

@@ -14,8 +14,8 @@ from messages import naming
 
 from pdmesh import Body, GridError, Heat, Material, Run, Scene, SceneError, box, build
 from pdmesh.drawing.plate_of_groups import Group, scene_of
-from pdmesh.model.contact import Contact
 from pdmesh.model.document import InitialVelocity, Region, RigidBody, read_document
+from pdmesh.model.mechanical_conditions import Contact
 from pdmesh.model.node_grid import grid_of
 from pdmesh.model.possible import impossible
 from pdmesh.model.selection import check
