@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.device.tracing import Functions
+from pdsolve.device.tracing import Code, Functions
 from pdsolve.lattice.force_polynomials import NARROW, WIDE, coefficients, stretch_coefficients
 from pdsolve.lattice.layout import FAR
 from pdsolve.laws.calls import added_force, broken_energy, secant, second_force
@@ -30,15 +30,22 @@ def pair_functions(law: Law, remembers: bool, **numbers: Any) -> str:
 
     Raises ModelError.
     """
+    assert law.pair is not None
     columns = no_bonds(law)
-    written = Functions(columns)
+    written, curve = Functions(columns), []
     functions: list[tuple[Function, int]] = [(added_force, 5), (second_force, 6), (broken_energy, 5)]
+    if law.pair.is_curved:
+        numbers["CURVED"] = ""
+        lanes = Code("REALS")
+        share = lanes.call("secant", columns, *lanes.named("p{}", 4))
+        parameters = ", ".join(f"REALS p{k}" for k in range(4))
+        curve = [f"inline REALS secant_of_lanes({parameters}) {{", *lanes.lines, f"return {lanes.text(share)};", "}"]
     if remembers:
         functions.append((secant, 4))
         numbers["SOFTENS"] = ""
     named = {each.__name__.upper(): written.write(each, columns, *(0.0,) * count) for each, count in functions}
     lines = [f"#define {name} {value}" for name, value in {**named, **numbers}.items()]
-    return "\n".join([*written.texts, *lines, text_of("tiles.cl")])
+    return "\n".join([*written.texts, *curve, *lines, text_of("tiles.cl")])
 
 
 def declare(name: str, arrays: Mapping[str, NDArray[Any]]) -> str:

@@ -47,6 +47,9 @@ site (symbols as in `Tiles`); else a block of 64 nodes (symbols as in `Blocks`).
 #define ALONG_BOND(w, e, g) ((w) * ((e) * (g)))
 #define PULL_AT(force, whole, stretch) ((force) * ((whole) / (1.0 + (stretch))))
 #define WEAKENED(w, share) ((w) * (REAL)(share))
+/* A limit of the stretches of some nodes' bonds in a slot, of one material; infinite where they are unbreakable */
+#define LIMITS_OF_LANES(of, slot, way, i) \
+  ((LOAD(cells + 2L * m + (i)) + LOAD(cells + 2L * m + (i) + (way))) + (REALS)(REAL)of[slot])
 #else
 #define HISTORY REAL
 #define IN_ORDER true
@@ -77,6 +80,7 @@ site (symbols as in `Tiles`); else a block of 64 nodes (symbols as in `Blocks`).
 #define ALONG_BOND(w, e, g) ((w) * (e) * (g))
 #define PULL_AT(force, whole, stretch) ((force) / (1.0 + (stretch)) * (whole))
 #define WEAKENED(w, share) ((REAL)((share) * (double)(w)))
+#define LIMITS_OF_LANES(of, slot, way, i) LOAD(of + LIMIT_ROW(slot, i))
 #endif
 #define INVERSE (2 * DIM)
 #define PULL (INVERSE + 1)
@@ -225,7 +229,7 @@ inline void update_bond(FORCE_PARAMETERS, STEP_PARAMETERS, int slot, int i, REAL
 #endif
     }
   }
-#ifdef SOFTENS
+#if defined(SOFTENS) && !defined(CURVED)
   largest = LARGEST(slot, i);
   if (largest > 0 && e > (REAL)FLOOR)
     *w = WEAKENED(*w, SECANT(largest, largest, highest, most));
@@ -281,6 +285,11 @@ inline bool sum_slots(FORCE_PARAMETERS, STEP_PARAMETERS, bool care, const int *p
     }
     others |= IS_LONG(e, slot, i);
     REALS g = POLYNOMIAL_NARROW(REALS, e);
+#ifdef CURVED
+    REAL largest[TOGETHER];
+    for (int k = 0; k < TOGETHER; ++k)
+      largest[k] = 0;
+#endif
     if (care) {
       STORE(e, es);
       STORE(w, ws);
@@ -296,9 +305,17 @@ inline bool sum_slots(FORCE_PARAMETERS, STEP_PARAMETERS, bool care, const int *p
       }
       w = LOAD(ws);
       g = LOAD(gs);
+#ifdef CURVED
+      for (int k = 0; k < TOGETHER; ++k)
+        largest[k] = (REAL)LARGEST(slot, i + k);
+#endif
       for (int axis = 0; IN_ORDER && axis < DIM; ++axis)
         sums[axis] = LOAD(pulled + TOGETHER * axis);
     }
+#ifdef CURVED
+    w *= secant_of_lanes(e * g * sqrt((REALS)1 + e), LOAD(largest), LIMITS_OF_LANES(peak, slot, way, i),
+                         LIMITS_OF_LANES(limit, slot, way, i));
+#endif
     REALS pull = ALONG_BOND(w, e, g);
     for (int axis = 0; axis < DIM; ++axis)
       sums[axis] = fma(pull, (REALS)row[axis] + eta[axis], sums[axis]);

@@ -59,11 +59,10 @@ class Code:
         lines, self.lines = self.lines, []
         return " ".join([*lines, *(form.format(k, value.text) for k, value in enumerate(values))])
 
-    def call(self, name: str, law: Any, *values: Any) -> tuple[Any, ...]:
+    def call(self, name: str, law: Any, *values: Any) -> Any:
         """What a law's function of this name returns, given traced numbers. Raises ModelError for what it cannot
         write."""
-        outputs: tuple[Any, ...] = run(in_line(bound_functions(law)[name]), law, *values)
-        return outputs
+        return run(in_line(bound_functions(law)[name]), law, *values)
 
 
 class UndecidedError(Exception):

@@ -141,8 +141,8 @@ def _make_device_operator(
         families = FamiliesOnDevice(law, model, bonds, scheme.symmetric, options.precision, 1, layout)
         families.put_on(Session(model.settings.run.device))
         return families, statistics.counted(bond_source.area)
-    if law.pair is None or law.pair.is_curved:
-        raise ModelError(f"{model.name}: $.run.device: the law is no straight line; use cpu for such a law")
+    if law.pair is None:
+        raise ModelError(f"{model.name}: $.run.device: the law has sums of families for a list alone; use cpu")
     session, kind = Session(model.settings.run.device), np.dtype(options.precision).type
     blocks = blocks_of(law, statistics.parts(), model.grid.position.shape, kind, 1)
     if blocks is None:
@@ -243,9 +243,6 @@ def _make_bond_tiles_if_possible(
     """The bonds of a body in tiles, where they can be and options do not exclude it."""
     if model.grid.dimension == 2 or not _allows_compiled_layouts(options) or not scheme.symmetric:
         return None
-    pair = law_of(model).pair
-    if model.settings.run.device != "cpu" and pair is not None and pair.is_curved:
-        return None  # devices know straight lines alone
     return tiled(model, np.dtype(options.precision).type, bonds_are_unbreakable)
 
 
