@@ -49,8 +49,8 @@ def drawn_out(crack: float) -> Model:
 def test_a_plate_that_nothing_holds(failure: Callable[..., None], pdsolve: Callable[..., Said]) -> None:
     """Rigid motions.
 
-    Loads that balance do not move a plate, but they do not fix its position either: the equations at rest have no
-    unique solution.
+    Loads that balance do not move a plate, but they do not fix its position either: the equations of equilibrium have
+    no unique solution.
     """
     refused = pdsolve(at_rest(pulled_apart()))
     assert refused.code == 2
@@ -92,8 +92,8 @@ def test_a_crack_that_jumps(failure: Callable[..., None], pdsolve: Callable[...,
         " the length of the new crack.",
         noticed="By one warning: the crack grew far at a smaller load than that of the step before.",
         says=[said.removeprefix("pdsolve: warning: ")],
-        cure="None at rest: a jump dissipates the work of the load. A run in time that starts at rest (`run.start`)"
-        " shows where the energy goes.",
+        cure="None in load steps: a jump dissipates the work of the load. A run in time that starts in equilibrium"
+        " (`run.start`) shows where the energy goes.",
     )
 
 
@@ -102,7 +102,7 @@ def test_a_crack_that_costs_more_than_its_fracture_energy(failure: Callable[...,
     """Cracks that jump from node to node.
 
     The bonds of one column of nodes break in a burst. The first of them needs the largest load. The crack does not
-    spend the energy that the plate releases until the last one breaks.
+    dissipate the energy that the plate releases until the last one breaks.
     """
     grid = dataclasses.replace(square_grid(46, 20, y0=-9.5e-3), cracks=np.array([[-1e-3, 0.0, 12e-3, 0.0]]))
     ends = tuple(
@@ -121,11 +121,11 @@ def test_a_crack_that_costs_more_than_its_fracture_energy(failure: Callable[...,
     failure(
         fails=f"A double cantilever at m = 3: in four load steps its crack grows by {(late - early) * 1e3:.0f} mm, and"
         f" {ratio:.2f} times G0 is lost per area of new crack.",
-        noticed="Only by the balance of energy, which shows what is spent.",
-        cure="A larger m: the scene `compact_tension`, m = 4, spends 1.45 times G0. Its load is closer, too: 0.99 of"
-        " the handbook's where the crack starts, 1.09 at most. Bonds that soften, with a characteristic length of four"
-        " spacings, are free of this lattice trapping. In a strip their crack grows at an energy release rate of 1.00"
-        " G_f, which varies by 1.7 % on the way.",
+        noticed="Only by the balance of energy, which shows what is dissipated.",
+        cure="A larger m: the scene `compact_tension`, m = 4, dissipates 1.45 times G0. Its load is closer, too: 0.99"
+        " of the handbook's where the crack starts, 1.09 at most. Bonds that soften, with a characteristic length of"
+        " four spacings, are free of this lattice trapping. In a strip their crack grows at an energy release rate of"
+        " 1.00 G_f, which varies by 1.7 % on the way.",
     )
 
 
@@ -196,7 +196,7 @@ def test_a_crack_in_shear_that_leans_to_the_grid(
     first, bent = (float(ways["particles"]["directions"][0][key]) for key in ("angle", "whole"))
     assert first == pytest.approx(-70.5, abs=0.5)
     failure(
-        fails=f"A crack in the middle of a plate in pure shear, at rest, 40 spacings wide, with 3 spacings in the"
+        fails=f"A crack in the middle of a plate in quasi-static pure shear, 40 spacings wide, with 3 spacings in the"
         f" horizon: its path leaves at {angle:.1f} degrees.",
         noticed="`pdpost crack` says what stress intensities before bonds broke predict, and how far the path is off.",
         says=lines[-1:],

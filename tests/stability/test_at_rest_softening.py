@@ -46,8 +46,8 @@ def upright() -> tuple[Model, Results]:
 def test_a_body_that_softens_everywhere(failure: Callable[..., None]) -> None:
     """The energy of a body is not its fracture energy.
 
-    An evenly pulled body softens everywhere before one crack takes over. A crack that is not through has not spent all
-    of its energy, and bonds at its end are still to open.
+    An evenly pulled body softens everywhere before one crack takes over. A crack that is not through has not dissipated
+    all of its energy, and bonds at its end are still to open.
     """
     whole = bar()
     with simulate(whole, None, ONE) as results:
@@ -62,13 +62,13 @@ def test_a_body_that_softens_everywhere(failure: Callable[..., None]) -> None:
     assert beam.left / ligament > 0.03
     assert beam.elsewhere / ligament < 0.1
     failure(
-        fails=f"A bar, 200 x 100 mm, pulled apart: bonds that cross its crack spend {crossing:.2f} G_f, the whole bar"
-        f" {everywhere:.2f}. A notched beam that still carries {tail:.0%} of its peak has spent"
+        fails=f"A bar, 200 x 100 mm, pulled apart: bonds that cross its crack dissipate {crossing:.2f} G_f, the whole"
+        f" bar {everywhere:.2f}. A notched beam that still carries {tail:.0%} of its peak has dissipated"
         f" {beam.crossing / ligament:.2f} G_f in bonds that cross its crack, {beam.elsewhere / ligament:.2f} elsewhere,"
         f" and {beam.left / ligament:.2f} is left in those that have not opened yet, near its upper edge.",
         noticed="Not at all: work, stored and dissipated energy balance.",
         cure="Count bonds that cross the crack, per length of it, or take a notch. Bonds that cross a line through"
-        f" the bar can spend {(pulled.crossing + pulled.left) / G_f:.3f} G_f.",
+        f" the bar can dissipate {(pulled.crossing + pulled.left) / G_f:.3f} G_f.",
     )
 
 

@@ -83,6 +83,6 @@ def test_the_far_edge_of_a_struck_plate(failure: Callable[..., None]) -> None:
         f"reach the spall at {1e6 * clamped[spall].detour / speed:.1f} us, the branch at "
         f"{1e6 * clamped[branch].detour / speed:.1f} us.",
         cure="Free ends, as in the experiment: no bond breaks at the ends, and the spall and the branch begin "
-        f"in the same steps. A steel that spends {TOUGH.G0 / 1e3:.1f} kJ/m^2 on a crack cures both: no bond breaks. "
-        "The shipped scene stays the thesis's; the thesis mode shows all three.",
+        f"in the same steps. A steel that dissipates {TOUGH.G0 / 1e3:.1f} kJ/m^2 on a crack cures both: no bond breaks."
+        " The shipped scene stays the thesis's; the thesis mode shows all three.",
     )

@@ -89,7 +89,7 @@ def test_complex_frequencies(failure: Callable[..., None]) -> None:
         noticed="The run stops (exit code 3) and says that the time step is not the cause.",
         says=[str(error.value)],
         cure="Symmetric bonds (conservative mode): all frequencies are real, and energy does not grow over 1e5 "
-        f"steps. At the bound, the longest step that is surely stable, it stays within "
+        f"steps. At the bound, the longest stable step, it stays within "
         f"{np.abs(np.array(longest) - 1).max():.0%} of its start: Verlet's own error of the shortest waves, which "
         "dominate random velocities. At 0.8 of Silling and Askari's bound it stays within "
         f"{np.abs(np.array(kept) - 1).max():.0%}.",

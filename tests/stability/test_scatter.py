@@ -151,7 +151,7 @@ def test_a_notch_moved_by_a_few_micrometres(failure: Callable[..., None]) -> Non
     assert np.ptp(dissipated) < 0.25 * dissipated.mean()  # measured 0.17
     axis, little, more, most = (forks(outcomes) for outcomes in found.values())
     failure(
-        fails="The Duran plate at 0.5 mm (m = 4), at four time steps, 1 to 0.7 of the surely stable one. With the "
+        fails="The Duran plate at 0.5 mm (m = 4), at four time steps, 1 to 0.7 of the stable one. With the "
         f"notch on the axis it forks {axis}; moved across by {100 * 14e-6 / DELTA:.1f} % of a spacing, {little}; by "
         f"{100 * 100e-6 / DELTA:.0f} %, {more}; by {100 * 200e-6 / DELTA:.0f} %, {most}.",
         noticed="Not at all: each run is a valid one.",
@@ -227,7 +227,7 @@ def test_the_path_of_a_struck_plate(failure: Callable[..., None]) -> None:
     assert np.ptp(brittle.dissipated) < 0.15 * brittle.dissipated.mean()  # measured 0.09
     failure(
         fails="Kalthoff and Winkler's plate of 1 mm, 16.5 m/s, free ends, brittle, m = 3: at six time steps, 1 to 0.6 "
-        f"of the surely stable one, the cracks leave the notches at {brittle.angles}.",
+        f"of the stable one, the cracks leave the notches at {brittle.angles}.",
         noticed="Not at all.",
         cure=f"m = 4: {more.angles}; m = 4 with a bilinear law (kr = 1.638, G0 kept), in which many bonds decide: "
         f"{softening.angles}. At m = 3 the start can be trusted, {brittle.first.min():.1f} to "

@@ -1,4 +1,4 @@
-"""Bodies in space."""
+"""3D models."""
 
 from __future__ import annotations
 
