@@ -103,7 +103,7 @@ def solved(
         plate = with_run(plate, time_step=step, steps=round(duration / step))
     (system, state), steps = prepare(plate, Options(threads=1)), plate.settings.run.steps
     begins = system.zone_summary.fine_share if system.zone_summary else 1.0
-    splits = system.regridder
+    splits = system.regridder if system.regridder.steps_between_checks else None
     began, done = time.thread_time(), 0
     while done < steps:
         change = splits.change_nodes(system, state, done) if splits else None

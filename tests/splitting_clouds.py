@@ -16,10 +16,9 @@ from pdsolve.model import Model
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.options import Options
 from pdsolve.run.assembly import prepare_explicit_motion
-from pdsolve.run.node_changes import SystemAfterNodeChange
 from pdsolve.run.prepare import prepare
 from pdsolve.run.subdomain import restore_state
-from pdsolve.run.system import PreparedRun, System
+from pdsolve.run.system import PreparedRun, Regridder, System, SystemAfterNodeChange
 from pdsolve.state import State
 
 QUARTERS = np.array([[-1, -1], [1, -1], [-1, 1], [1, 1]]) / 4  # of the spacing: where a node's parts are
@@ -37,13 +36,14 @@ def torn_plate() -> Model:
     return plate(grid, conditions=ends, run=run)
 
 
-class Moving:
+class Moving(Regridder):
     """Nodes of the lattice `coarse`, whose ids are 1 to n, are split where the zone is; the part p of node k is node
     n + 4 (k - 1) + p + 1.
 
     A bond is broken if one between the same nodes of the lattice, or parts of theirs, was: none heals.
     """
 
+    nodes_may_change = True
     steps_between_checks = 4
 
     def __init__(self, coarse: Grid, start: float = 6e-3, speed: float = 0.1e-3, half: float = 1.6e-3) -> None:
@@ -94,13 +94,6 @@ class Moving:
         before, after = (_bonded(one) for one in (system, new))
         changed = np.array([origin[row] < 0 or before[node] != after[node] for row, node in enumerate(ids.tolist())])
         return SystemAfterNodeChange(new, fresh, np.where(changed, -1, origin))
-
-    def zone_summary(self, system: System) -> None:
-        """As in `Regridder`: there is nothing to say."""
-
-    def summary(self, zone_summary: object) -> dict[str, Any]:
-        """As in `Regridder`."""
-        raise NotImplementedError
 
     def _moved(self, system: System, state: State, new: System) -> dict[str, NDArray[Any]]:
         """A checkpoint for the new cloud: parts have what the whole had, wholes the mean of their parts."""

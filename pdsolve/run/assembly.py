@@ -44,6 +44,7 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.operators.together import Together, unwrap_bond_operator
 from pdsolve.options import Options, threads_of
 from pdsolve.ranks.diffusing import EulerOnRanks
+from pdsolve.run.node_changes import GrowingCracks
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes.cubic_lattice_bonds import Tiled, tiled
 from pdsolve.schemes.scheme import Scheme
@@ -292,7 +293,8 @@ def prepare_explicit_motion(model: Model, options: Options, scheme: Scheme, bond
     if touching is not None:
         touching.rigid.start(prepared.state, prepared.system.drive, prepared.system.time_step)
     growth = make_crack_particle_growth(model, bonds, filling, prepared.system.drive, prepared.system.time_step)
-    return prepared._replace(system=replace(prepared.system, crack_growth=growth, contact=touching))
+    system = replace(prepared.system, contact=touching)
+    return prepared._replace(system=system if growth is None else replace(system, regridder=GrowingCracks(growth)))
 
 
 def assemble_system(

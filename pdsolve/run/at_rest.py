@@ -22,6 +22,7 @@ from pdsolve.run.assembly import (
     make_operator,
     stable_time_step_from_stiffness_bound,
 )
+from pdsolve.run.node_changes import GrowingCracks
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import zero_state
@@ -84,7 +85,9 @@ def prepare_quasi_static_run(
     step = float(model.settings.run.time_step or 0.0)
     bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), model.rho)
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
-    system = replace(system, crack_growth=growth, contact=contact)
+    system = replace(system, contact=contact)
+    if growth is not None:
+        system = replace(system, regridder=GrowingCracks(growth))
     if fatigue is not None and growth is not None:
         system = replace(system, stepper=ParisSteps(fatigue, operator, stepper, growth))
     elif fatigue is not None and bonds_may_break:

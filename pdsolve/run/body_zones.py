@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,16 +13,16 @@ from pdsolve.errors import CheckpointError
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.run.assembly import assemble_system
 from pdsolve.run.energy_steps import half_kick_work_of_acceleration_error, verlet_conserved_energy
-from pdsolve.run.node_changes import SystemAfterNodeChange
-from pdsolve.run.system import PreparedRun, System
+from pdsolve.run.system import PreparedRun, Regridder, System, SystemAfterNodeChange
 from pdsolve.state import State, zero_state
 from pdsolve.zone.cells import EVERY
 from pdsolve.zone.summary import ZoneSummary
 
 
-class BodyCellRefinement:
+class BodyCellRefinement(Regridder):
     """Makes cells fine around softened or broken bonds and stretched springs; the operator stores its history."""
 
+    nodes_may_change = True
     steps_between_checks = EVERY
 
     def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
@@ -59,10 +58,6 @@ class BodyCellRefinement:
     def zone_summary(self, system: System) -> ZoneSummary:
         """Summary of the fine cells."""
         return expect_body_zone_operator(system).zone_summary()
-
-    def summary(self, zone_summary: ZoneSummary) -> dict[str, Any]:
-        """The whole zone summary, as of a plate with a moving zone."""
-        return {"hybrid": zone_summary._asdict()}
 
     def create_system_with_checkpoint_nodes(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
         """The system of a checkpoint's cells. Raises CheckpointError for cells that no run from here can have."""

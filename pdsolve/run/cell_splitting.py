@@ -21,15 +21,16 @@ from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.run.assembly import assemble_system, stable_time_step_from_stiffness_bound
 from pdsolve.run.energy_steps import half_kick_work_of_acceleration_error
 from pdsolve.run.energy_steps import verlet_conserved_energy as energy_of
-from pdsolve.run.node_changes import SystemAfterNodeChange
-from pdsolve.run.system import PreparedRun, System
+from pdsolve.run.system import PreparedRun, Regridder, System, SystemAfterNodeChange
 from pdsolve.state import State
 from pdsolve.steppers.equilibrium import force_densities
 from pdsolve.zone.summary import ZoneSummary
 
 
-class CellSplitting:
+class CellSplitting(Regridder):
     """Splits and merges the cells of a run; its history is stored in the operator."""
+
+    nodes_may_change = True
 
     def __init__(self, tree: Quadtree) -> None:
         """`tree` has the cells that can split."""
@@ -120,8 +121,9 @@ class CellSplitting:
         """Summary of the cells that have split."""
         return expect_quadtree_operator(system).zone_summary()
 
-    def summary(self, zone_summary: ZoneSummary) -> dict[str, Any]:
+    def summary(self, system: System) -> dict[str, Any]:
         """The energy that splitting and merging created, and the share of split cells."""
+        zone_summary = self.zone_summary(system)
         return {"split": {"refinement": zone_summary.refinement, "fine_share": zone_summary.fine_share}}
 
     def create_system_with_checkpoint_nodes(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:

@@ -24,7 +24,7 @@ from pdsolve.results.schema import Births, Column
 from pdsolve.run.measures import compute_output_fields
 from pdsolve.run.rank_file import RankDatabase
 from pdsolve.run.subdomain import HELD, Columns, Subdomain, checkpoint_node_ids_and_broken_bonds, make_own_checkpoint
-from pdsolve.run.system import System, nodes_may_change
+from pdsolve.run.system import System
 
 FRAME = 8  # tag of messages
 PIECE = 1 << 20  # bytes of a message
@@ -99,7 +99,7 @@ def send_frame_to_rank_0(team: Team, request: FrameRequest) -> RankFrame:
     checkpoint: dict[str, Columns] = {}
     if request.with_checkpoint:
         checkpoint = make_own_checkpoint(subdomain)
-        if nodes_may_change(system):
+        if system.regridder.nodes_may_change:
             of_nodes = checkpoint_node_ids_and_broken_bonds(system)
             checkpoint |= {name: [values] for name, values in of_nodes.items()}
     if subdomain.file is not None:

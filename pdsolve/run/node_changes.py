@@ -6,44 +6,99 @@ stored about a node holds for its whole life.
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pdsolve.operators.protocol import CheckpointArrays
-from pdsolve.run.system import PreparedRun, System, system_with_moved_zone
-from pdsolve.state import State, zero_state
+from pdsolve.run.system import (
+    PreparedRun,
+    RefinementThresholdFromStep,
+    Regridder,
+    System,
+    SystemAfterNodeChange,
+    system_with_moved_zone,
+)
+from pdsolve.state import Broken, State, zero_state
+from pdsolve.zone.cells import EVERY
 from pdsolve.zone.summary import ZoneSummary
 
-
-class SystemAfterNodeChange(NamedTuple):
-    """The system of another set of m nodes, and its state."""
-
-    system: System  # of the same settings and the same step; its loads are those of now
-    state: State
-    previous_rows: NDArray[np.int64]  # (m,) row of each node in the cloud before, -1 of those that are born
+if TYPE_CHECKING:
+    from pdsolve.adaptivity.hybrid.operator import HybridOperator
+    from pdsolve.crack_growth.growth import Growth
 
 
-class Regridder(Protocol):
-    """Decides when and how nodes change, from the state alone, so that a resumed run equals an uninterrupted one."""
+class MovingZone(Regridder):
+    """A fine zone that moves within the steps of its operator, which has the state."""
 
-    steps_between_checks: int  # steps between two looks
+    nodes_may_change = True
+    least_steps = EVERY
+    stops_at_records_only = True
 
-    def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
-        """The nodes after `step`, a multiple of `steps_between_checks`; None if they stay."""
+    def __init__(self) -> None:
+        self._thresholds: tuple[RefinementThresholdFromStep, ...] = ()
+
+    def refine_earlier(self, thresholds: tuple[RefinementThresholdFromStep, ...]) -> None:
+        """Make cells fine earlier than the model says; without thresholds, as it says."""
+        self._thresholds = thresholds
+
+    def is_due(self, step: int) -> bool:
+        """Whether cells are to become fine earlier after `step`."""
+        return any(threshold.first_step <= step for threshold in self._thresholds)
+
+    def next_check(self, step: int, last_step: int) -> int:
+        """The next step from which cells become fine earlier."""
+        return next((each.first_step for each in self._thresholds if each.first_step > step), last_step)
+
+    def change_nodes(self, system: System, state: State, step: int) -> None:
+        """Let cells become fine as early as they are to be after `step`; the operator changes its nodes by itself."""
+        begun = [threshold for threshold in self._thresholds if threshold.first_step <= step]
+        engine = cast("HybridOperator", system.moving_zone_operator).engine
+        engine.set_refinement_stretch_ratio(begun[-1].refinement_stretch_ratio)
+
+    def collect_change(self, system: System) -> SystemAfterNodeChange | None:
+        """The change of nodes since the last call, with a state of none; None without any."""
+        return create_system_if_zone_changed(system, with_state=False)
 
     def create_system_with_checkpoint_nodes(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
-        """The system of a checkpoint with the nodes `checkpoint["ids"]`, in that order.
-
-        `initial_system` is that of the start. The caller restores state, loads and broken bonds.
-        """
+        """The system of a checkpoint with its nodes, and with their state."""
+        operator = initial_system.moving_zone_operator
+        assert operator is not None
+        operator.restore(checkpoint, operator.broken())
+        change = create_system_if_zone_changed(initial_system)
+        return PreparedRun(initial_system, operator.state()) if change is None else PreparedRun(*change[:2])
 
     def zone_summary(self, system: System) -> ZoneSummary | None:
-        """Summary of the finer nodes."""
+        """Summary of the fine zone."""
+        return None if system.moving_zone_operator is None else system.moving_zone_operator.zone_summary()
 
-    def summary(self, zone_summary: ZoneSummary) -> dict[str, Any]:
-        """Entries for the summary of the results."""
+
+class GrowingCracks(Regridder):
+    """Cracks of particles, which cut bonds as they grow: in motion between steps, at rest as the stepper asks."""
+
+    def __init__(self, growth: Growth) -> None:
+        self.growth, self.steps_between_checks = growth, growth.every
+
+    def change_nodes(self, system: System, state: State, step: int) -> None:
+        """Let cracks grow after `step`."""
+        self.growth.look(state, step + 1)
+
+    def checkpoint_arrays(self) -> CheckpointArrays:
+        """The particles and their memory."""
+        return self.growth.checkpoint_arrays()
+
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
+        """Restore a checkpoint, with the bonds broken until then. Raises CheckpointError."""
+        self.growth.restore(checkpoint, broken)
+
+    def particle_rows(self, after_step: int) -> Sequence[tuple[float, ...]]:
+        """Rows of the particles since a step."""
+        return self.growth.rows(after_step)
+
+    def summary(self, system: System) -> dict[str, Any]:
+        """How many particles there are, and what is to be said of them."""
+        return {"particles": len(self.growth.particles.place), "remarks": self.growth.remarks}
 
 
 def create_system_if_zone_changed(system: System, with_state: bool = True) -> SystemAfterNodeChange | None:
@@ -63,16 +118,4 @@ def create_system_if_zone_changed(system: System, with_state: bool = True) -> Sy
         system_with_moved_zone(system, shown),
         shown.state() if with_state else zero_state(0, 2),
         np.where(same, row, -1),
-    )
-
-
-def create_system_with_checkpoint_zone(initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
-    """The system of a checkpoint, for a run that began as `initial_system`."""
-    assert initial_system.moving_zone_operator is not None
-    initial_system.moving_zone_operator.restore(checkpoint, initial_system.moving_zone_operator.broken())
-    change = create_system_if_zone_changed(initial_system)
-    return (
-        PreparedRun(initial_system, initial_system.moving_zone_operator.state())
-        if change is None
-        else PreparedRun(change.system, change.state)
     )

@@ -37,6 +37,7 @@ from pdsolve.run.assembly import (
 from pdsolve.run.at_rest import prepare_quasi_static_run
 from pdsolve.run.body_zones import BodyCellRefinement
 from pdsolve.run.cell_splitting import CellSplitting
+from pdsolve.run.node_changes import MovingZone
 from pdsolve.run.ranks_start import prepare_run_on_ranks
 from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone, broken_bonds_by_grid_rows
 from pdsolve.run.system import PreparedRun, System
@@ -189,6 +190,7 @@ def _prepare_plate_with_moving_zone(model: Model, options: Options, scheme: Sche
         scheme=scheme,
         operator=shown,
         moving_zone_operator=shown,
+        regridder=MovingZone(),
         stepper=TwoLatticeStepper(shown),
         drive=shown.engine.drive,
         area=shown.area,

@@ -31,10 +31,9 @@ from pdsolve.run.energy_accounts import EnergyAccounts
 from pdsolve.run.fragments import count_fragments
 from pdsolve.run.frames import nodes_for_results
 from pdsolve.run.measures import count_initially_separate_bodies
-from pdsolve.run.node_changes import SystemAfterNodeChange
 from pdsolve.run.rank_file import wait_until_all_ranks_wrote_frame
 from pdsolve.run.subdomain import Subdomain, team_of
-from pdsolve.run.system import System
+from pdsolve.run.system import System, SystemAfterNodeChange
 from pdsolve.state import Broken, State
 
 GAP = 64  # rows between born nodes whose bonds are asked for together
@@ -215,6 +214,20 @@ class Recorder:
         self.team.subdomain.drop_state()
         return self.system.stepper.advance(self.state, first_step, end_step)
 
+    def change_nodes_if_due(self, step: int) -> int:
+        """Let nodes change that are due after `step`; returns the step of the next check."""
+        regridder = self.system.regridder
+        change = regridder.change_nodes(self.system, self.state, step) if regridder.is_due(step) else None
+        if change is not None:
+            self.record_node_change(step, change)
+        return regridder.next_check(step, self.system.model.settings.run.steps)
+
+    def collect_node_changes(self, since_step: int) -> None:
+        """Record the changes that the stepper itself has made since the step `since_step`."""
+        change = self.system.regridder.collect_change(self.system)
+        if change is not None:
+            self.record_node_change(since_step, change)
+
     def record_node_change(self, step: int, change: SystemAfterNodeChange) -> None:
         """Continue with the nodes changed after `step`, and record births and deaths."""
         before, (system, state, origin) = self.system, change
@@ -273,7 +286,7 @@ class Recorder:
         `with_fields` adds the fields, after a recorded step; `with_checkpoint` adds a checkpoint now, otherwise only
         when it is due.
         """
-        system, growth = self.system, self.system.crack_growth
+        system = self.system
         with_checkpoint |= clock.perf_counter() - self._kept > KEPT
         if with_checkpoint:
             self._kept = clock.perf_counter()
@@ -291,7 +304,7 @@ class Recorder:
             wall_time=self.wall_time(),
             epochs=self._epochs,
             rows=self._rows,
-            particles=() if growth is None else growth.rows(-1 if self.is_new and step == 0 else self.frame_step),
+            particles=system.regridder.particle_rows(-1 if self.is_new and step == 0 else self.frame_step),
             ready=partial(wait_until_all_ranks_wrote_frame, self.team) if self._files else None,
         )
         self.frame_step, self._breaks, self._epochs = step, [], []
@@ -342,11 +355,4 @@ class Recorder:
         if system.contact is not None:  # N/m^5, in space N/m^7; heat, J/m, of a body J
             contact = system.contact
             results["contact"] = {"stiffness": contact.stiffness, "friction": contact.friction(self.state)}
-        if system.crack_growth is not None:
-            results |= {"particles": len(system.crack_growth.particles.place), "remarks": system.crack_growth.remarks}
-        zone_summary = system.zone_summary
-        if zone_summary is not None and system.regridder is not None:
-            results |= system.regridder.summary(zone_summary)
-        elif zone_summary is not None:
-            results["hybrid"] = zone_summary._asdict()
-        return results | system.stepper.summary()
+        return results | system.regridder.summary(system) | system.stepper.summary()

@@ -18,11 +18,10 @@ from pdsolve.model import Model
 from pdsolve.numerics.team import Team
 from pdsolve.options import Options
 from pdsolve.results import Results, ResultsError, ResultsWarning, gone_back
-from pdsolve.run.node_changes import Regridder, create_system_with_checkpoint_zone
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import BATCH, HistoryUntilCheckpoint, Recorder
 from pdsolve.run.subdomain import Subdomain, restore_all_ranks, team_of
-from pdsolve.run.system import System, nodes_may_change
+from pdsolve.run.system import Regridder, System
 from pdsolve.state import State
 
 
@@ -43,17 +42,16 @@ def make_resumed_recorder(results: Results, model: Model, options: Options, adap
             f" other bonds or a step of {system.time_step:.6g} s; solve it anew"
         )
     system = dataclasses.replace(system, regridder=adaptation or system.regridder)
-    changes = nodes_may_change(system)
+    changes = system.regridder.nodes_may_change
     if changes != ("ids" in checkpoint):
-        words = ("stay", "may change") if system.regridder is not None else ("may change", "stay")
+        words = ("stay", "may change") if changes else ("may change", "stay")
         raise ResultsError(f"{output}: its nodes {words[0]}, and here they {words[1]}; resume it as it began")
     breaks, node_count, rows = results.breaks(), len(system.model.grid), None
     if changes:
         with gone_back(output):
-            if system.regridder is None:
-                system, state = create_system_with_checkpoint_zone(system, checkpoint)
-            else:
-                system, state = system.regridder.create_system_with_checkpoint_nodes(system, checkpoint)
+            regridder = system.regridder
+            system, state = regridder.create_system_with_checkpoint_nodes(system, checkpoint)
+            system = dataclasses.replace(system, regridder=regridder)
         lives = results.lives()
         rows, node_count = lives.at(system.model.grid.ids, step), int((lives.birth <= step).sum())
         if not np.array_equal(lives.nodes.family[rows], system.family_sizes) or (rows < 0).any():

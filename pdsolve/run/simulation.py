@@ -1,4 +1,4 @@
-"""A run from a model to its results: prepare, march, write."""
+"""A run from a model to its results: prepare or restore, advance from event to event, record, finish."""
 
 from __future__ import annotations
 
@@ -31,16 +31,13 @@ from pdsolve.run.after_path import (
 from pdsolve.run.coarse_breaks import warn_of_broken_bonds_outside_finest_zone
 from pdsolve.run.initial_displacements import apply_initial_displacements
 from pdsolve.run.narrow_contact import warn_of_unresolved_contact_width
-from pdsolve.run.node_changes import Regridder, create_system_if_zone_changed
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import HistoryUntilCheckpoint, Recorder
 from pdsolve.run.static_start import start_in_static_equilibrium
-from pdsolve.run.system import System
-from pdsolve.run.zone_restarts import RefinementThresholdFromStep
+from pdsolve.run.system import RefinementThresholdFromStep, Regridder, System, next_multiple
 from pdsolve.state import State
 from pdsolve.stepper import LoadStepProgress
 from pdsolve.steppers.equilibrium import NotConvergedError
-from pdsolve.zone.cells import EVERY
 from pdsolve.zone.summary import ZoneSummary
 
 PATIENCE = 4e8  # bond updates between two looks at the watcher, some 0.2 s; fewer where they take longer
@@ -65,18 +62,26 @@ class Progress(NamedTuple):
 Watcher = Callable[[Progress], bool]  # returns whether to stop
 
 
-class RunRequest(NamedTuple):
-    """What is asked of a run, besides its model; see `simulate`. What it is continued on; see `resume`."""
+class Job(NamedTuple):
+    """What is asked of a run besides its model and its options; see `simulate`."""
 
     output: Path | None
     watcher: Watcher | None
-    provenance: str = ""
-    adaptation: Regridder | None = None
-    thread_count: int | None = None
-    team: Team | None = None
-    device: str | None = None
+    provenance: str
+    regridder: Regridder | None
+    previous_compile_seconds: float  # s that kernels were compiled for before
+
+
+OpenRun = tuple[Recorder, Callable[[], Writer]]  # its records, and what creates the writer, of a new file for a new run
+
+
+class Stage(NamedTuple):
+    """A run from its start, or from the last checkpoint of its database, to its end."""
+
+    open_run: Callable[[Stage, Job], OpenRun]
+    model: Model
+    options: Options
     refinement_thresholds: tuple[RefinementThresholdFromStep, ...] = ()  # after fine cells have come too late
-    previous_compile_seconds: float = 0.0  # s that kernels were compiled for before
 
 
 def simulate(
@@ -93,118 +98,10 @@ def simulate(
     `provenance` describes the origin of the run; `adapt` may change the nodes during the run. No other run may be
     writing to that file. Raises ModelError, UnstableError (frames so far are kept), ResultsError.
     """
-    output = None if output is None else Path(output)
-    with _lock_output(output):
-        results = _solve_with_restarts(
-            model, options, RunRequest(output, watch, provenance, adapt, previous_compile_seconds=compile_seconds())
-        )
-    return _solve_motion_after_equilibrium_path_if_asked(results, output, options.threads, watch)
-
-
-def _lock_output(output: Path | None) -> AbstractContextManager[None]:
-    """Keeps other runs from writing to the results, which are in memory if None."""
-    return nullcontext() if output is None else writing_to(output)
-
-
-def _solve_with_restarts(model: Model, options: Options, request: RunRequest) -> Results:
-    if model.settings.run.adapt == "auto":
-        model = choose_adaptivity(model, options)
-    try:
-        return _solve_new_run(*_prepare_new_recorder(model, options, request))
-    except FineZoneTooLateError as late:
-        return _restart_with_earlier_refinement(model, options, request, late)
-
-
-def _restart_with_earlier_refinement(
-    model: Model, options: Options, request: RunRequest, fine_zone_too_late: FineZoneTooLateError
-) -> Results:
-    """Results of a run whose fine cells came too late: it goes back as often as they do."""
-    while True:
-        wider, refinement_thresholds = zone_restarts.plan_zone_restart(
-            model, request.refinement_thresholds, fine_zone_too_late
-        )
-        step = zone_restarts.find_restart_checkpoint_step(request.output, refinement_thresholds)
-        zone_restarts.warn_of_zone_restart(model, fine_zone_too_late, wider, refinement_thresholds, step)
-        model, request = (
-            wider,
-            request._replace(refinement_thresholds=refinement_thresholds, thread_count=options.threads),
-        )
-        try:
-            if step and request.output is not None:
-                return _resume_from_checkpoint(request.output, request)
-            return _solve_new_run(*_prepare_new_recorder(model, options, request))
-        except FineZoneTooLateError as again:
-            fine_zone_too_late = again
-
-
-def _prepare_new_recorder(model: Model, options: Options, request: RunRequest) -> tuple[Recorder, RunRequest]:
-    """The records of a run that begins, which alone keep its system and its state."""
-    # A run that goes back was saved before: to stop loses nothing
-    with stopping.patience(stopping.AT_ONCE) if request.refinement_thresholds else nullcontext():
-        prepared = prepare(model, options)
-    if has_initial_displacement(model):
-        prepared = apply_initial_displacements(prepared)
-    system, state = start_in_static_equilibrium(prepared) if model.settings.run.start == "static" else prepared
-    warn_of_unused(model)
-    warn_of_doubtful_conditions(system.model, system.time_step)
-    if system.transport is None:
-        warn_of_model(system.model, system.unbonded_node_rows, system.scheme.partial_cells, system.scheme.symmetric)
-    return _make_new_recorder(system, state, request)
-
-
-def _make_new_recorder(system: System, state: State, request: RunRequest) -> tuple[Recorder, RunRequest]:
-    """The records of a run that begins, of all ranks if there are many."""
-    system = dataclasses.replace(system, regridder=request.adaptation or system.regridder)
-    return Recorder(system, state, None), request
-
-
-def run(
-    system: System,
-    state: State,
-    output: Path | None = None,
-    watch: Watcher | None = None,
-    provenance: str = "",
-    adapt: Regridder | None = None,
-) -> Results:
-    """Solve a prepared model; arguments are those of `simulate`. Raises UnstableError, ResultsError."""
-    with _lock_output(output):
-        return _solve_new_run(
-            *_make_new_recorder(
-                system, state, RunRequest(output, watch, provenance, adapt, previous_compile_seconds=compile_seconds())
-            )
-        )
-
-
-def _solve_new_run(recorder: Recorder, request: RunRequest) -> Results:
-    """Solve a new run from the state of its records."""
-    recorder.open_rank_databases(request.output)
-
-    def make_new_writer() -> Writer:
-        metadata = recorder.metadata(request.provenance)
-        if request.refinement_thresholds:
-            metadata |= zone_restarts.refinement_threshold_metadata(request.refinement_thresholds)
-        return recorder.make_database_writer(request.output, metadata)
-
-    return _advance_to_end_and_close_results(recorder, make_new_writer, request)
-
-
-def _solve_motion_after_equilibrium_path_if_asked(
-    path_results: Results, output: Path | None, threads: int | None, watch: Watcher | None
-) -> Results:
-    """The results of the motion that follows a run; those of the run if none does."""
-    if not needs_motion_after_path(path_results):
-        return path_results
-    with stopping.patience(stopping.AT_ONCE):
-        (system, state), step = prepare_motion_after_equilibrium_path(path_results, threads)
-    provenance = path_results.meta()["provenance"]
-    path_results.close()
-    target = None if output is None else results_file_of_motion_after_equilibrium_path(output)
-    with _lock_output(target):
-        past = HistoryUntilCheckpoint(step, 0.0, 0, 0, None, len(system.model.grid))
-        return _solve_new_run(
-            Recorder(system, state, past),
-            RunRequest(target, watch, provenance, previous_compile_seconds=compile_seconds()),
-        )
+    job = Job(None if output is None else Path(output), watch, provenance, adapt, compile_seconds())
+    with _lock_output(job.output):
+        results = _solve(Stage(_begin, _with_chosen_adaptivity(model, options), options), job)
+    return _solve_motion_after_equilibrium_path_if_asked(results, job, options.threads)
 
 
 def resume(
@@ -224,25 +121,115 @@ def resume(
     UnstableError.
     """
     output = Path(output)
-    request = RunRequest(output, watch, "", adapt, threads, team, device, previous_compile_seconds=compile_seconds())
-    results, motion = _resume_unless_finished(output, request), results_file_of_motion_after_equilibrium_path(output)
+    job, options = Job(output, watch, "", adapt, compile_seconds()), Options(threads=threads, team=team)
+    results = _resume_unless_finished(job, options, device)
+    motion = results_file_of_motion_after_equilibrium_path(output)
     if needs_motion_after_path(results) and (motion.is_symlink() or (motion.exists() and not is_empty(motion))):
         results.close()
         if motion.is_symlink():
             raise ResultsError(f"{motion} is a link, and the motion of a run is written there; move it away")
-        return _resume_unless_finished(motion, request)
-    return _solve_motion_after_equilibrium_path_if_asked(results, output, threads, watch)
+        return _resume_unless_finished(job._replace(output=motion), options, device)
+    return _solve_motion_after_equilibrium_path_if_asked(results, job, threads)
 
 
-def _resume_unless_finished(output: Path, request: RunRequest) -> Results:
+def run(
+    system: System,
+    state: State,
+    output: Path | None = None,
+    watch: Watcher | None = None,
+    provenance: str = "",
+    adapt: Regridder | None = None,
+) -> Results:
+    """Solve a prepared model; arguments are those of `simulate`. Raises UnstableError, ResultsError."""
+    job = Job(output, watch, provenance, adapt, compile_seconds())
+    with _lock_output(output):
+        return _advance_to_end_and_close_results(*_open_new_run(system, state, None, (), job), job)
+
+
+def _lock_output(output: Path | None) -> AbstractContextManager[None]:
+    """Keeps other runs from writing to the results, which are in memory if None."""
+    return nullcontext() if output is None else writing_to(output)
+
+
+def _with_chosen_adaptivity(model: Model, options: Options) -> Model:
+    return choose_adaptivity(model, options) if model.settings.run.adapt == "auto" else model
+
+
+def _solve(stage: Stage, job: Job) -> Results:
+    """Results of a run; where fine cells come too late, it goes back, and makes them fine earlier."""
+    while True:
+        try:
+            recorder, make_writer = stage.open_run(stage, job)
+            recorder.system.regridder.refine_earlier(stage.refinement_thresholds)
+            return _advance_to_end_and_close_results(recorder, make_writer, job)
+        except FineZoneTooLateError as late:
+            wider, thresholds = zone_restarts.plan_zone_restart(stage.model, stage.refinement_thresholds, late)
+            step = zone_restarts.find_restart_checkpoint_step(job.output, thresholds)
+            zone_restarts.warn_of_zone_restart(stage.model, late, wider, thresholds, step)
+            stage = Stage(_restore if step else _begin, wider, stage.options, thresholds)
+
+
+def _begin(stage: Stage, job: Job) -> OpenRun:
+    """Begin a run."""
+    # A run that goes back was saved before: to stop loses nothing
+    with stopping.patience(stopping.AT_ONCE) if stage.refinement_thresholds else nullcontext():
+        prepared = prepare(stage.model, stage.options)
+    if has_initial_displacement(stage.model):
+        prepared = apply_initial_displacements(prepared)
+    system, state = start_in_static_equilibrium(prepared) if stage.model.settings.run.start == "static" else prepared
+    warn_of_unused(stage.model)
+    warn_of_doubtful_conditions(system.model, system.time_step)
+    if system.transport is None:
+        warn_of_model(system.model, system.unbonded_node_rows, system.scheme.partial_cells, system.scheme.symmetric)
+    return _open_new_run(system, state, None, stage.refinement_thresholds, job)
+
+
+def _restore(stage: Stage, job: Job) -> OpenRun:
+    """Go on from the last checkpoint of the run in the output."""
+    assert job.output is not None
+    with Results.open(job.output) as results:
+        recorder = resuming.make_resumed_recorder(results, stage.model, stage.options, job.regridder)
+        files = recorder.open_further_rank_databases(job.output, results.pieces)
+    metadata = zone_restarts.refinement_threshold_metadata(stage.refinement_thresholds)
+    metadata |= {"processor": processor_kind()}
+    return recorder, partial(_reopen_writer_at_checkpoint, job.output, files, metadata)
+
+
+def _reopen_writer_at_checkpoint(output: Path, files: tuple[str, ...], metadata: Mapping[str, Any]) -> Writer:
+    """The writer of a run that is continued, whose ranks go on with these `files`."""
+    writer = Writer.reopen(output, files)
+    writer.write_meta(metadata)
+    return writer
+
+
+def _open_new_run(
+    system: System,
+    state: State,
+    past: HistoryUntilCheckpoint | None,
+    refinement_thresholds: tuple[RefinementThresholdFromStep, ...],
+    job: Job,
+) -> OpenRun:
+    """Open the records of a run that is not in the output yet; `past` is the path that a motion follows."""
+    recorder = Recorder(dataclasses.replace(system, regridder=job.regridder or system.regridder), state, past)
+    recorder.open_rank_databases(job.output)
+
+    def make_new_writer() -> Writer:
+        metadata = recorder.metadata(job.provenance)
+        if refinement_thresholds:
+            metadata |= zone_restarts.refinement_threshold_metadata(refinement_thresholds)
+        return recorder.make_database_writer(job.output, metadata)
+
+    return recorder, make_new_writer
+
+
+def _resume_unless_finished(job: Job, options: Options, device: str | None) -> Results:
     """The results of a run that is continued if it is not finished."""
+    output = job.output
+    assert output is not None
     if not _run_is_finished(output):
         with writing_to(output):
             if not _run_is_finished(output):
-                try:
-                    return _resume_from_checkpoint(output, request)
-                except FineZoneTooLateError as late:
-                    return _resume_with_earlier_refinement(output, request, late)
+                return _solve(*_read_stage(output, job, options, device))
     put_away(output)
     return Results.open(output)
 
@@ -250,6 +237,20 @@ def _resume_unless_finished(output: Path, request: RunRequest) -> Results:
 def _run_is_finished(output: Path) -> bool:
     with Results.open(output) as results:
         return results.meta().get("status") == "finished"
+
+
+def _read_stage(output: Path, job: Job, options: Options, device: str | None) -> tuple[Stage, Job]:
+    """What is to be done to go on with the run in a file, which is checked."""
+    with Results.open(output) as results:
+        results.verify()
+        model, meta, has_checkpoint = model_of(results.model(), str(output)), results.meta(), results.has_checkpoint()
+    resuming.warn_of_other_processor(output, meta)
+    model = model if device is None else on_device(model, device)
+    options = options_from_metadata(model, meta, options.threads)._replace(team=options.team)
+    thresholds = zone_restarts.read_refinement_thresholds(meta, output)
+    model = _with_chosen_adaptivity(model, options)
+    stage = Stage(_restore if has_checkpoint else _begin, model, options, thresholds)
+    return stage, job._replace(provenance=meta["provenance"])
 
 
 def options_from_metadata(model: Model, metadata: Mapping[str, Any], thread_count: int | None) -> Options:
@@ -260,63 +261,30 @@ def options_from_metadata(model: Model, metadata: Mapping[str, Any], thread_coun
     )
 
 
-def _resume_with_earlier_refinement(
-    output: Path, request: RunRequest, fine_zone_too_late: FineZoneTooLateError
-) -> Results:
-    """Results of a continued run whose fine cells came too late, as they would have been without the stop."""
-    with Results.open(output) as results:
-        model, meta = model_of(results.model(), str(output)), results.meta()
-    refinement_thresholds = zone_restarts.read_refinement_thresholds(meta, output)
-    request = request._replace(
-        output=output, provenance=meta["provenance"], refinement_thresholds=refinement_thresholds
-    )
-    return _restart_with_earlier_refinement(
-        model, options_from_metadata(model, meta, request.thread_count), request, fine_zone_too_late
-    )
+def _solve_motion_after_equilibrium_path_if_asked(path_results: Results, job: Job, threads: int | None) -> Results:
+    """The results of the motion that follows a run; those of the run if none does."""
+    if not needs_motion_after_path(path_results):
+        return path_results
+    with stopping.patience(stopping.AT_ONCE):
+        (system, state), step = prepare_motion_after_equilibrium_path(path_results, threads)
+    provenance = path_results.meta()["provenance"]
+    path_results.close()
+    target = None if job.output is None else results_file_of_motion_after_equilibrium_path(job.output)
+    job = Job(target, job.watcher, provenance, None, compile_seconds())
+    past = HistoryUntilCheckpoint(step, 0.0, 0, 0, None, len(system.model.grid))
+    with _lock_output(target):
+        return _advance_to_end_and_close_results(*_open_new_run(system, state, past, (), job), job)
 
 
-def _resume_from_checkpoint(output: Path, request: RunRequest) -> Results:
-    with Results.open(output) as results:
-        results.verify()
-        model, meta = model_of(results.model(), str(output)), results.meta()
-        model = model if request.device is None else on_device(model, request.device)
-        options = options_from_metadata(model, meta, request.thread_count)._replace(team=request.team)
-        resuming.warn_of_other_processor(output, meta)
-        refinement_thresholds = request.refinement_thresholds or zone_restarts.read_refinement_thresholds(meta, output)
-        request = request._replace(
-            output=output, provenance=meta["provenance"], refinement_thresholds=refinement_thresholds
-        )
-        if not results.has_checkpoint():
-            results.close()
-            return _solve_with_restarts(model, options, request)
-        recorder = resuming.make_resumed_recorder(results, model, options, request.adaptation)
-        files = recorder.open_further_rank_databases(output, results.pieces)
-    reopen = partial(_reopen_writer_at_checkpoint, output, request.refinement_thresholds, files)
-    return _advance_to_end_and_close_results(recorder, reopen, request)
-
-
-def _reopen_writer_at_checkpoint(
-    output: Path, refinement_thresholds: tuple[RefinementThresholdFromStep, ...], files: tuple[str, ...]
-) -> Writer:
-    """The writer of a run that is continued, whose ranks go on with these `files`."""
-    writer = Writer.reopen(output, files)
-    writer.write_meta(
-        zone_restarts.refinement_threshold_metadata(refinement_thresholds) | {"processor": processor_kind()}
-    )
-    return writer
-
-
-def _advance_to_end_and_close_results(
-    recorder: Recorder, make_writer: Callable[[], Writer], request: RunRequest
-) -> Results:
+def _advance_to_end_and_close_results(recorder: Recorder, make_writer: Callable[[], Writer], job: Job) -> Results:
     """March to the end from the state of the records; `make_writer` creates the writer, of a new file for a new run."""
     give_back()
-    with behind(make_writer, recorder.is_new, request.output) as writer:
+    with behind(make_writer, recorder.is_new, job.output) as writer:
         try:
             if recorder.is_new:
                 recorder.record_step(recorder.step)
                 writer.write(partial(recorder.make_frame, recorder.step, with_fields=True, with_checkpoint=True))
-            status = _advance_to_end(recorder, writer, request)
+            status = _advance_to_end(recorder, writer, job)
         except BaseException as reason:
             error = error_of_too_late_fine_zone(reason, recorder.system.time_step, recorder.system.stable_time_step)
             ends = {UnstableError: "unstable", NotConvergedError: "unsettled", KeyboardInterrupt: "interrupted"}
@@ -326,11 +294,91 @@ def _advance_to_end_and_close_results(
             recorder.system.stepper.report_to(None)  # else the stepper keeps the recorder, and with it this run
         last = writer.done()
         last.close(status)
-    results = Results(last.connection, "results in memory") if request.output is None else Results.open(request.output)
+    results = Results(last.connection, "results in memory") if job.output is None else Results.open(job.output)
     if not recorder.system.model.diffuses:
         warn_of_broken_bonds_outside_finest_zone(recorder.system.requested_model, results)
         warn_of_unresolved_contact_width(recorder.system, recorder.state)
     return results
+
+
+def _advance_to_end(recorder: Recorder, writer: Behind, job: Job) -> str:
+    """Step to the end, from event to event; returns "finished" or "interrupted"."""
+    watch, run, step = job.watcher, recorder.system.model.settings.run, recorder.frame_step
+    interrupted, done, collected, pace = False, False, step, StepBatchTimer(recorder.system.directed_bond_count)
+
+    def watcher_requests_stop() -> bool:
+        """Whether the watcher wants the run to stop."""
+        return watch is not None and watch(_make_progress(recorder, step))
+
+    def show_load_step_progress(load_step_progress: LoadStepProgress) -> None:
+        """Show the progress of a load step, which is discarded if the run is to stop meanwhile."""
+        if watch is not None and watch(_make_progress(recorder, step, load_step_progress)):
+            raise KeyboardInterrupt("within a load step, which is lost")
+
+    recorder.system.stepper.report_to(show_load_step_progress)
+    writer.stop = watcher_requests_stop
+    while step < run.steps and not (interrupted or done):
+        next_check = recorder.change_nodes_if_due(step)
+        regridder, most = recorder.system.regridder, int(PATIENCE / max(recorder.system.directed_bond_count, 1))
+        chunk = pace.choose_batch_step_count(regridder.least_steps, most)
+        records = next_multiple(step, run.every), next_multiple(step, run.ledger or run.every), run.steps
+        end = min(step + chunk, next_check, *records)
+        began = running_time()
+        last = recorder.advance(step + 1, end + 1)
+        pace.record_duration(end - step, running_time() - began)
+        step = last
+        writer.look()
+        is_record = step in records
+        interrupted = watcher_requests_stop() and (
+            is_record or _can_stop_before_next_balance_row(regridder, step, pace.will_finish_soon(min(records) - step))
+        )
+        if is_record:
+            recorder.collect_node_changes(collected)
+            collected = step
+            recorder.record_step(step)
+        done = _stop_criterion_is_met(recorder, step) if is_record else step < end
+        with_fields = is_record and (step % run.every == 0 or step == run.steps or done)
+        if with_fields or done or interrupted or (is_record and recorder.checkpoint_is_old):
+            with_checkpoint = step == run.steps or done or interrupted
+            writer.write(partial(recorder.make_frame, step, with_fields, with_checkpoint))
+    recorder.evaluate_balance(step)
+    compiled = {"compile_time": compile_seconds() - job.previous_compile_seconds}
+    writer.done().write_meta({"summary": json.dumps(recorder.summary(step, done) | compiled)})
+    recorder.accounts.warn_at_end()
+    recorder.close_rank_databases()
+    return "finished" if done or step == run.steps else "interrupted"
+
+
+def _make_progress(recorder: Recorder, step: int, load_step_progress: LoadStepProgress | None = None) -> Progress:
+    """Data for a progress display after `step`, or within a load step `load_step_progress`."""
+    accounts, system = recorder.accounts, recorder.system
+    broken = (load_step_progress or accounts).broken_directed_bond_count
+    words = ", ".join(filter(None, [system.stepper.progress_text(), accounts.progress_text(broken)]))
+    steps = system.model.settings.run.steps
+    return Progress(step, steps, broken, accounts.balance_error, words, system.zone_summary, load_step_progress)
+
+
+def _can_stop_before_next_balance_row(regridder: Regridder, step: int, balance_row_is_soon: bool) -> bool:
+    """Whether a run can stop after a step without a record.
+
+    Where it can stop at records alone, raises KeyboardInterrupt unless the next one comes `balance_row_is_soon`.
+    """
+    if regridder.stops_at_records_only and not balance_row_is_soon:
+        raise KeyboardInterrupt(f"at step {step}; steps since the last checkpoint are lost")
+    return not regridder.stops_at_records_only
+
+
+def _stop_criterion_is_met(recorder: Recorder, step: int) -> bool:
+    """Whether the model's stop criterion is met."""
+    system, latest = recorder.system, recorder.last_break_step
+    run = system.model.settings.run
+    if system.stepper.finished:
+        return True
+    if run.until == "split":
+        return recorder.has_more_fragments_than_bodies()
+    if run.until == "quiet":
+        return latest > 0 and run.quiet is not None and (step - latest) * system.time_step >= run.quiet
+    return False
 
 
 class StepBatchTimer:
@@ -352,136 +400,6 @@ class StepBatchTimer:
     def will_finish_soon(self, step_count: int) -> bool:
         """Whether so many steps take less than three times `BATCH_TIME`."""
         return step_count * self._each < 3 * BATCH_TIME
-
-
-def change_nodes_if_due_and_find_next_step(recorder: Recorder, adaptation: Regridder, step: int) -> int:
-    """Let nodes change that are due after `step`; returns the step of the next look."""
-    change = (
-        adaptation.change_nodes(recorder.system, recorder.state, step)
-        if step % adaptation.steps_between_checks == 0
-        else None
-    )
-    if change is not None:
-        recorder.record_node_change(step, change)
-    return next_multiple(step, adaptation.steps_between_checks)
-
-
-def grow_cracks_if_due_and_find_next_step(recorder: Recorder, step: int, last_step: int) -> int:
-    """Let cracks due after `step` grow; returns the step of the next check, `last_step` without growing cracks."""
-    system = recorder.system
-    if system.crack_growth is None or system.crack_growth.every is None:
-        return last_step
-    if step % system.crack_growth.every == 0:
-        system.crack_growth.look(recorder.state, step + 1)
-    return next_multiple(step, system.crack_growth.every)
-
-
-def record_zone_motion(recorder: Recorder, since_step: int) -> None:
-    """Record the motion of a fine zone since the step `since_step`."""
-    change = (
-        create_system_if_zone_changed(recorder.system, with_state=False)
-        if recorder.system.moving_zone_operator is not None
-        else None
-    )
-    if change is not None:
-        recorder.record_node_change(since_step, change)
-
-
-def next_multiple(step: int, interval: int) -> int:
-    """The next step that is a multiple of an interval."""
-    return (step // interval + 1) * interval
-
-
-def _advance_to_end(recorder: Recorder, writer: Behind, request: RunRequest) -> str:
-    """Step to the end, from event to event; returns "finished" or "interrupted"."""
-    watch, adapt = request.watcher, recorder.system.regridder
-    run, step = recorder.system.model.settings.run, recorder.frame_step
-    interrupted, done, looked, pace = False, False, step, StepBatchTimer(recorder.system.directed_bond_count)
-
-    def watcher_requests_stop() -> bool:
-        """Whether the watcher wants the run to stop."""
-        return watch is not None and watch(_make_progress(recorder, step))
-
-    def show_load_step_progress(load_step_progress: LoadStepProgress) -> None:
-        """Show the progress of a load step, which is discarded if the run is to stop meanwhile."""
-        if watch is not None and watch(_make_progress(recorder, step, load_step_progress)):
-            raise KeyboardInterrupt("within a load step, which is lost")
-
-    recorder.system.stepper.report_to(show_load_step_progress)
-    writer.stop = watcher_requests_stop
-    while step < run.steps and not (interrupted or done):
-        looks = run.steps if adapt is None else change_nodes_if_due_and_find_next_step(recorder, adapt, step)
-        looks = min(looks, grow_cracks_if_due_and_find_next_step(recorder, step, run.steps))
-        if request.refinement_thresholds:
-            next_kappa_step = zone_restarts.set_refinement_threshold_and_find_next_change(
-                recorder.system, request.refinement_thresholds, step, run.steps
-            )
-            looks = min(looks, next_kappa_step)
-        chunk = pace.choose_batch_step_count(
-            EVERY if recorder.system.moving_zone_operator else 1,
-            int(PATIENCE / max(recorder.system.directed_bond_count, 1)),
-        )
-        records = next_multiple(step, run.every), next_multiple(step, run.ledger or run.every), run.steps
-        ends = (step + chunk, looks, *records)
-        began = running_time()
-        last = recorder.advance(step + 1, min(ends) + 1)
-        pace.record_duration(min(ends) - step, running_time() - began)
-        step = last
-        writer.look()
-        is_record = step in records
-        interrupted = watcher_requests_stop() and (
-            is_record
-            or _can_stop_before_next_balance_row(recorder.system, step, pace.will_finish_soon(min(records) - step))
-        )
-        if is_record:
-            record_zone_motion(recorder, looked)
-            looked = step
-            recorder.record_step(step)
-        done = _stop_criterion_is_met(recorder, step) if is_record else step < min(ends)
-        with_fields = is_record and (step % run.every == 0 or step == run.steps or done)
-        if with_fields or done or interrupted or (is_record and recorder.checkpoint_is_old):
-            with_checkpoint = step == run.steps or done or interrupted
-            writer.write(partial(recorder.make_frame, step, with_fields, with_checkpoint))
-    recorder.evaluate_balance(step)
-    compiled = {"compile_time": compile_seconds() - request.previous_compile_seconds}
-    writer.done().write_meta({"summary": json.dumps(recorder.summary(step, done) | compiled)})
-    recorder.accounts.warn_at_end()
-    recorder.close_rank_databases()
-    return "finished" if done or step == run.steps else "interrupted"
-
-
-def _make_progress(recorder: Recorder, step: int, load_step_progress: LoadStepProgress | None = None) -> Progress:
-    """Data for a progress display after `step`, or within a load step `load_step_progress`."""
-    accounts, steps = recorder.accounts, recorder.system.model.settings.run.steps
-    broken = (load_step_progress or accounts).broken_directed_bond_count
-    words = ", ".join(filter(None, [recorder.system.stepper.progress_text(), accounts.progress_text(broken)]))
-    return Progress(
-        step, steps, broken, accounts.balance_error, words, recorder.system.zone_summary, load_step_progress
-    )
-
-
-def _can_stop_before_next_balance_row(system: System, step: int, balance_row_is_soon: bool) -> bool:
-    """Whether a run can stop after a step without a record.
-
-    A moving fine zone is followed from one ledger entry to the next: raises KeyboardInterrupt unless the next one comes
-    `balance_row_is_soon`.
-    """
-    if system.moving_zone_operator is not None and not balance_row_is_soon:
-        raise KeyboardInterrupt(f"at step {step}; steps since the last checkpoint are lost")
-    return system.moving_zone_operator is None
-
-
-def _stop_criterion_is_met(recorder: Recorder, step: int) -> bool:
-    """Whether the model's stop criterion is met."""
-    system, latest = recorder.system, recorder.last_break_step
-    run = system.model.settings.run
-    if system.stepper.finished:
-        return True
-    if run.until == "split":
-        return recorder.has_more_fragments_than_bodies()
-    if run.until == "quiet":
-        return latest > 0 and run.quiet is not None and (step - latest) * system.time_step >= run.quiet
-    return False
 
 
 __all__ = ["NotConvergedError", "Options", "Progress", "UnstableError", "prepare", "resume", "simulate"]

@@ -133,11 +133,10 @@ def make_checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     if system.moving_zone_operator is None:  # whose operator has the state
         arrays |= state._asdict()
     arrays |= system.stepper.checkpoint_arrays()
-    crack_arrays = {} if system.crack_growth is None else system.crack_growth.checkpoint_arrays()
     copies = {  # zeros alone, which the system makes when they are read, take no memory
         name: values.copy() if values.any() else np.zeros_like(values) for name, values in arrays.items()
     }
-    checkpoint_arrays = copies | of_bonds | crack_arrays
+    checkpoint_arrays = copies | of_bonds | dict(system.regridder.checkpoint_arrays())
     for prepared in system.coupled_runs:
         checkpoint_arrays |= {
             _checkpoint_name_of_coupled_array(prepared.system, name): values
@@ -260,6 +259,5 @@ def _restore(system: System, state: State, step: int, checkpoint: CheckpointArra
         }
         _restore(*prepared, step, coupled_checkpoint, Broken(*np.zeros((3, 0), dtype=np.int64)))
     system.stepper.restore(checkpoint, state, step, past)
-    if system.crack_growth is not None:
-        system.crack_growth.restore(checkpoint, past)
+    system.regridder.restore(checkpoint, past)
     put_loads(system.drive, system.profile_time_or_load_factor(step))

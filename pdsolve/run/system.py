@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,18 +15,95 @@ from pdsolve.lattice.operator import BlockLattice
 from pdsolve.model import Model, counted
 from pdsolve.numerics.team import Team
 from pdsolve.operators.contact.operator import PenaltyContact
-from pdsolve.operators.protocol import Operator
+from pdsolve.operators.protocol import CheckpointArrays, Operator
 from pdsolve.options import Options, threads_of
 from pdsolve.ranks.slabs import Slab
 from pdsolve.schemes.scheme import Scheme
-from pdsolve.state import State
+from pdsolve.state import Broken, State
 from pdsolve.stepper import Stepper
 from pdsolve.zone.summary import ZoneSummary
 
 if TYPE_CHECKING:
     from pdsolve.adaptivity.factory import MovingZoneOperator
-    from pdsolve.crack_growth.growth import Growth
-    from pdsolve.run.node_changes import Regridder
+
+
+class RefinementThresholdFromStep(NamedTuple):
+    """From a step on, cells become fine at `refinement_stretch_ratio` of the stretch that breaks bonds."""
+
+    first_step: int
+    refinement_stretch_ratio: float
+
+
+class SystemAfterNodeChange(NamedTuple):
+    """The system of another set of m nodes, and its state."""
+
+    system: System  # of the same settings and the same step; its loads are those of now
+    state: State
+    previous_rows: NDArray[np.int64]  # (m,) row of each node in the cloud before, -1 of those that are born
+
+
+class Regridder:
+    """What changes nodes, or cuts bonds, between two steps, from the state alone, so that a resumed run equals an
+    uninterrupted one. All has the answer of nodes and bonds that stay."""
+
+    nodes_may_change: bool = False  # may be born and die
+    steps_between_checks: int | None = None  # steps between two calls of `change_nodes`; None: it is not called
+    least_steps: int = 1  # that are taken at once, as what begins some costs a part of a step
+    stops_at_records_only: bool = False  # between which nodes change that nobody has asked for
+
+    def is_due(self, step: int) -> bool:
+        """Whether `change_nodes` is to be called after `step`."""
+        return self.steps_between_checks is not None and step % self.steps_between_checks == 0
+
+    def next_check(self, step: int, last_step: int) -> int:
+        """The next step after which `change_nodes` may be due, `last_step` without any."""
+        return last_step if self.steps_between_checks is None else next_multiple(step, self.steps_between_checks)
+
+    def change_nodes(self, system: System, state: State, step: int) -> SystemAfterNodeChange | None:
+        """The nodes after `step`; None if they stay. Bonds may have been cut."""
+        return None
+
+    def collect_change(self, system: System) -> SystemAfterNodeChange | None:
+        """The change that the stepper itself has made since the last call; None without any."""
+        return None
+
+    def create_system_with_checkpoint_nodes(self, initial_system: System, checkpoint: CheckpointArrays) -> PreparedRun:
+        """The system of a checkpoint with the nodes `checkpoint["ids"]`, in that order.
+
+        `initial_system` is that of the start. The caller restores state, loads and broken bonds.
+        """
+        raise NotImplementedError("nodes stay")
+
+    def refine_earlier(self, thresholds: tuple[RefinementThresholdFromStep, ...]) -> None:
+        """Make cells fine earlier than the model says; without thresholds, as it says."""
+
+    def checkpoint_arrays(self) -> CheckpointArrays:
+        """Arrays for a checkpoint, by name."""
+        return {}
+
+    def restore(self, checkpoint: CheckpointArrays, broken: Broken) -> None:
+        """Restore a checkpoint, with the bonds broken until then. Raises CheckpointError."""
+
+    def particle_rows(self, after_step: int) -> Sequence[tuple[float, ...]]:
+        """Rows of crack particles since a step."""
+        return ()
+
+    def zone_summary(self, system: System) -> ZoneSummary | None:
+        """Summary of finer nodes that come and go; None without any."""
+        return None
+
+    def summary(self, system: System) -> dict[str, Any]:
+        """Entries for the summary of the results."""
+        zone_summary = self.zone_summary(system)
+        return {} if zone_summary is None else {"hybrid": zone_summary._asdict()}
+
+
+def next_multiple(step: int, interval: int) -> int:
+    """The next step that is a multiple of an interval."""
+    return (step // interval + 1) * interval
+
+
+NODES_STAY = Regridder()
 
 
 class Ranks(NamedTuple):
@@ -54,11 +132,10 @@ class System:
     stable_time_step: float  # surely stable time step, s
     initial_energy: float  # J/m
     full_model: Model | None = None  # all there is to solve, where `model` is of the nodes there are now
-    crack_growth: Growth | None = None  # cracks that are particles
     contact: PenaltyContact | None = None  # of bodies and crack faces; a part of the operator
     transport: Transport | None = None  # what carries a substance; None: the model moves
     moving_zone_operator: MovingZoneOperator | None = None  # the operator, if it has the state and an energy ledger
-    regridder: Regridder | None = None  # what changes the nodes between steps
+    regridder: Regridder = NODES_STAY  # what changes nodes or cuts bonds between steps
     coupled_runs: tuple[PreparedRun, ...] = ()  # other unknowns of the same nodes, which the stepper marches too
     ranks: Ranks | None = None  # of which `operator` and what goes by nodes are those of rank 0; None: one process
     broken_bonds_of_removed_nodes: int = (
@@ -73,9 +150,7 @@ class System:
     @property
     def zone_summary(self) -> ZoneSummary | None:
         """Summary of finer nodes that come and go; None without any."""
-        if self.moving_zone_operator is not None:
-            return self.moving_zone_operator.zone_summary()
-        return None if self.regridder is None else self.regridder.zone_summary(self)
+        return self.regridder.zone_summary(self)
 
     def profile_time_or_load_factor(self, step_number: int) -> float:
         """Time of the profiles of conditions after `step_number`, s."""
@@ -128,8 +203,3 @@ def system_with_moved_zone(system: System, zone_operator: MovingZoneOperator) ->
         family_sizes=family,
         initial_bond_counts=count,
     )
-
-
-def nodes_may_change(system: System) -> bool:
-    """Whether nodes may be born and die."""
-    return system.regridder is not None or system.moving_zone_operator is not None

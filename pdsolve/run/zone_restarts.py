@@ -10,28 +10,20 @@ import json
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from pdsolve.adaptivity.hybrid.adaptivity_choice import (
     model_with_refinement_stretch_ratio,
     model_with_wider_zone_or_fine_everywhere,
     refinement_stretch_ratio,
 )
-from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.errors import FineZoneTooLateError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.results import Results, ResultsError
-from pdsolve.run.system import System
+from pdsolve.run.system import RefinementThresholdFromStep
 from pdsolve.zone.cells import EVERY
 
 KEY = "sooner"  # of `meta`
-
-
-class RefinementThresholdFromStep(NamedTuple):
-    """From a step on, cells become fine at `refinement_stretch_ratio` of the stretch that breaks bonds."""
-
-    first_step: int
-    refinement_stretch_ratio: float
 
 
 def plan_zone_restart(
@@ -81,7 +73,7 @@ def warn_of_zone_restart(
     if refinement_thresholds:
         first_step = refinement_thresholds[-1].first_step
         words = f"goes back to step {checkpoint_step}, and on with {how} from step {first_step} on"
-    warnings.warn(f"{model.name}: {fine_zone_too_late}; {words}", ModelWarning, stacklevel=4)
+    warnings.warn(f"{model.name}: {fine_zone_too_late}; {words}", ModelWarning, stacklevel=3)
 
 
 def find_restart_checkpoint_step(
@@ -93,18 +85,6 @@ def find_restart_checkpoint_step(
     with Results.open(output) as results:
         step = results.checkpoint_step() if results.has_checkpoint() else 0
     return step if step <= refinement_thresholds[-1].first_step else 0
-
-
-def set_refinement_threshold_and_find_next_change(
-    system: System, refinement_thresholds: tuple[RefinementThresholdFromStep, ...], step: int, last_step: int
-) -> int:
-    """Make cells fine as soon as they are to be after a step; returns the next step from which that changes."""
-    begun = [refinement for refinement in refinement_thresholds if refinement.first_step <= step]
-    if begun and isinstance(system.operator, HybridOperator):
-        system.operator.engine.set_refinement_stretch_ratio(begun[-1].refinement_stretch_ratio)
-    return next(
-        (refinement.first_step for refinement in refinement_thresholds if refinement.first_step > step), last_step
-    )
 
 
 def refinement_threshold_metadata(refinement_thresholds: tuple[RefinementThresholdFromStep, ...]) -> dict[str, Any]:

@@ -22,9 +22,8 @@ from pdpost.measures.strain import families_without_broken_bonds
 from pdsolve.model import Model
 from pdsolve.results import DamagedError, Results, ResultsError
 from pdsolve.run.measures import compute_node_damage
-from pdsolve.run.node_changes import SystemAfterNodeChange
 from pdsolve.run.simulation import Options, Progress, resume, simulate
-from pdsolve.run.system import System
+from pdsolve.run.system import System, SystemAfterNodeChange
 from pdsolve.state import State
 
 TESTS = Path(__file__).parent.parent

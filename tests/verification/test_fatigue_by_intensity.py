@@ -157,7 +157,7 @@ def test_a_run_that_goes_on_is_the_same_to_the_last_bit(tmp_path: Path, monkeypa
 def test_what_breaks_in_two_keeps_the_last_state_that_rested(monkeypatch: pytest.MonkeyPatch) -> None:
     """The last particle is taken back with the bonds that it cut."""
     prepared = prepare(specimen(3, **LINE), ONE)
-    state, stepper, cracks = prepared.state, prepared.system.stepper, prepared.system.crack_growth
+    state, stepper, cracks = prepared.state, prepared.system.stepper, prepared.system.regridder.growth
     assert isinstance(stepper, ParisSteps)
     assert cracks is not None
     stepper.advance(state, 1, 2)
@@ -187,7 +187,7 @@ def test_a_jump_after_which_growth_is_too_fast_is_taken_back_and_halved(monkeypa
             lambda self, _, most=accepted: (1.0 if self._share <= most else 3.0, 1.0),
         )
         each.system.stepper.advance(each.state, 1, 2)
-    halved, whole = (each.system.crack_growth.particles for each in (taken, asked))  # type: ignore[union-attr]
+    halved, whole = (each.system.regridder.growth.particles for each in (taken, asked))  # type: ignore[union-attr]
     assert np.array_equal(halved.place, whole.place)
     assert np.array_equal(taken.state.value, asked.state.value)
     assert taken.system.stepper.step_results[-1].cycles == asked.system.stepper.step_results[-1].cycles  # type: ignore[union-attr]

@@ -54,7 +54,7 @@ def test_a_crack_forks_evenly_and_cuts_just_what_its_arms_meet(solved: Path) -> 
     assert upper == pytest.approx(lower * [1, -1], abs=1e-12)
     assert np.hypot(*np.diff(particles.place[1 : fork + 1], axis=0).T) == pytest.approx(1e-3)
     source = np.repeat(np.arange(len(nodes.ids)), np.diff(families.start))
-    pairs = prepare(model, Options(threads=1)).system.crack_growth._near.pairs(np.arange(len(source)))
+    pairs = prepare(model, Options(threads=1)).system.regridder.growth._near.pairs(np.arange(len(source)))
     no_fail = np.abs(nodes.position[:, 1]) > 9.3e-3
     cut = Sight(model.grid).parted(pairs, arms(until(particles, int(breaks.step.max())), after=0))
     cut &= ~(no_fail[pairs.source] | no_fail[pairs.target])
@@ -152,7 +152,7 @@ def test_a_crack_by_intensities_reaches_the_edge(tmp_path: Path) -> None:
 def test_a_crack_that_turns_back_on_itself_stops_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     """One that turns by 60 degrees at each look, as intensities of an unstable crack may say: no loop comes of it."""
     prepared = prepare(pulled(), Options(threads=1))
-    grown = prepared.system.crack_growth
+    grown = prepared.system.regridder.growth
     assert grown is not None
     monkeypatch.setattr(grown, "judge", lambda *_: Verdict(1.0, (np.radians(60.0),)))
     said = pytest.warns(ModelWarning, match=naming("crack", "turns back", "stops there"))
@@ -162,7 +162,7 @@ def test_a_crack_that_turns_back_on_itself_stops_and_says_so(monkeypatch: pytest
     place = grown.particles.place
     assert np.hypot(*(place[:, None] - place).transpose(2, 0, 1))[np.triu_indices(len(place), 1)].min() > 0.9e-3
     assert len(grown.remarks) == 1
-    again = prepare(pulled(), Options(threads=1)).system.crack_growth
+    again = prepare(pulled(), Options(threads=1)).system.regridder.growth
     assert again is not None
     again.restore(grown.checkpoint_arrays(), prepared.system.operator.broken())
     assert again.remarks == grown.remarks
@@ -211,7 +211,7 @@ def test_bonds_go_round_the_tips_of_cracks_that_grow(law: str, tmp_path: Path, m
     model, options = of(pulled(steps=100), material), Options(threads=1)
     whole, path = tmp_path / "whole.sqlite", tmp_path / "stopped.sqlite"
     prepared = prepare(model, options)
-    growth, operator = prepared.system.crack_growth, prepared.system.operator
+    growth, operator = prepared.system.regridder.growth, prepared.system.operator
     assert growth is not None
     assert isinstance(operator, BondList)
     for step in range(1, 101):
@@ -294,7 +294,7 @@ def test_a_ring_is_as_large_as_there_is_room(
 ) -> None:
     """The horizon is 2 mm: from two to five of them; less where an edge is nearer, with J where it is too near."""
     prepared = prepare(slowly(), Options(threads=1))
-    grown, asked = prepared.system.crack_growth, list[tuple[str, Ring]]()
+    grown, asked = prepared.system.regridder.growth, list[tuple[str, Ring]]()
     assert grown is not None
     monkeypatch.setattr(grown, "_room", lambda *_: (room, "the edge of the plate"))
     for name in ("by_intensity", "by_release"):
@@ -310,7 +310,7 @@ def test_a_ring_is_as_large_as_there_is_room(
 def test_bonds_that_are_held_together_are_not_cut() -> None:
     """An arm right through the loaded row cuts just those that neither end of which is in it."""
     prepared = prepare(pulled(), Options(threads=1))
-    grown, model = prepared.system.crack_growth, prepared.system.model
+    grown, model = prepared.system.regridder.growth, prepared.system.model
     assert grown is not None
     arm = np.array([[20.5e-3, 6e-3, 20.5e-3, 9.9e-3]])
     pairs = grown._near.pairs(np.arange(len(grown._near.source)))
