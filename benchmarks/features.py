@@ -105,6 +105,7 @@ CONDITIONS: dict[str, Changes] = {
     "contact": {"contact": Contact()},
     "rigid bodies": {"contact": Contact(), "rigid": True},
     "damping": {"run.damping": 1e3},
+    "damping by stiffness": {"run.damping_time": 1e-8},
     "absorbing layers": {"conditions": (lambda at: Absorb(box=at.right),)},
     "springs": {"conditions": (lambda at: Spring(box=at.right, body_stiffness=(1e12,) * at.dimension),)},
     "pins": {"conditions": (lambda at: Pin(box=at.middle, centre=(27 * H, 6.5 * H)),)},

@@ -143,6 +143,8 @@ KINDS: dict[str, Callable[[], tuple[Model, Options]]] = {
     "bonds, two threads": partial(_of, {}, Options(threads=2)),
     "bilinear": partial(_of, {"law": "bilinear", "kr": 3.0}),
     "damped": partial(_of, {}, run={"damping": 1e5}),
+    "damped by stiffness": partial(_of, {}, run={"damping_time": 3e-8}),
+    "damped by stiffness, listed": partial(_of, {}, Options(threads=1, kernel="listed"), run={"damping_time": 3e-8}),
     "until quiet": partial(_of, {}, run={"until": "quiet", "quiet": 1e-3}),
     "static start": partial(_at_rest, time_step=5e-8, steps=40, every=5, ledger=5, start="static"),
     "ordinary": partial(_of, STATE_BASED),

@@ -51,6 +51,7 @@ def damping_warning(
         return None
     causes = {
         "run.damping": run.damping > 0,
+        "run.damping_time": run.damping_time > 0,
         "layers that absorb": any(isinstance(condition, Absorb) for condition in conditions),
         "the damped seam of collocation": run.adapt == "collocation",
         "friction": contact is not None and contact.friction > 0,

@@ -292,6 +292,8 @@ class Run(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tr
     # conditions of time 0 (static)
     damping: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # 1/s: mass-proportional damping: force against the motion,
     # divided by mass and velocity
+    damping_time: Annotated[float, msgspec.Meta(ge=0)] = 0.0  # s: stiffness-proportional damping: force against the
+    # motion, divided by stiffness and velocity
     static: Static = Static()
     after: Literal["path", "stop", "motion"] = "path"  # what follows the largest dead loads of an equilibrium path:
     # smaller loads (path), the end (stop), or a dynamic run (motion)

@@ -176,6 +176,9 @@ FATIGUE = Feature("fatigue", both(setting("run.fatigue"), AT_REST), why=" in fat
 BOND_FATIGUE = Feature("fatigue of bonds", both(FATIGUE.occurrences, BREAKING), why=" in fatigue analysis")
 PROFILE = Feature("profiles of loads", conditions(Condition, key="profile"))
 DAMPING = Feature("damping", setting("run.damping"))
+STIFFNESS_DAMPING = Feature(
+    "damping by stiffness", setting("run.damping_time"), "0, or run.damping", ", as run.damping_time is {}"
+)
 UNTIL = Feature("an early end", setting("run.until"))
 PROBES = Feature("probes", setting("run.probes"))
 # Discretization
@@ -259,6 +262,7 @@ UNHELD = " (dynamic relaxation cannot distinguish slow convergence from free mot
 LAST = "bond (or --adapt none; version 1.0.0 was the last with zones of ordinary solids)"
 TABLE: tuple[Exclusion, ...] = (
     *excluded(DIFFUSION, UNTIL, START, DAMPING, PROBES, PARTICLES, CONDUCTANCE, HEATING, EQ19, THESIS, SINGLE),
+    *excluded(DIFFUSION, STIFFNESS_DAMPING),
     *excluded(DIFFUSION, STATIC, use="explicit or implicit"),
     *excluded(DIFFUSION, OTHER_ZONES),
     *excluded(KINETIC, IMPLICIT, use="explicit"),
@@ -269,16 +273,19 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(SPACE, PINS, use="none"),
     *excluded(BODIES, HEAT),
     *excluded(HEAT, SOLID, IMPLICIT, SOFTENING, ZONES, PARTICLES, START, DISPLACED, THESIS),
+    *excluded(HEAT, STIFFNESS_DAMPING),
     *excluded(HEAT, COUNT, use="run.time_step and steps"),
     *excluded(CONTACT, HEAT, because=NO_HEAT),
     *excluded(CONTACT, ADAPTIVE, because=ONE_BODY),
     *excluded(CONTACT, START, PARTICLES, FATIGUE, THESIS),
     *excluded(CONTACT, MICROPOLAR, use="a model without rotations"),
     *excluded(RIGID, DISPLACED),
+    *excluded(RIGID, STIFFNESS_DAMPING),
     *excluded(START, DISPLACED, FLOW, RATE),
     *excluded(START, MICROPOLAR, use=OTHERS, because=ROTATIONS),
     *excluded(MECHANICS, IMPLICIT),
     *excluded(STATIC, DAMPING, UNTIL, OWN, HISTORY, SINGLE),
+    *excluded(STATIC, STIFFNESS_DAMPING),
     *excluded(FLOW, SINGLE),
     *excluded(STATIC, START, use="none"),
     *excluded(STATIC, VELOCITY, ACCELERATION, DISPLACED, ABSORB, RIGID, use="a load or a displacement"),
@@ -297,11 +304,15 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(HYBRID, CURVED, DIFFRACTION, THESIS),
     *excluded(PLATES, ORDINARY, use=LAST),
     *excluded(ADAPTIVE, STATE_BASED, use="bond (or --adapt none)"),
+    *excluded(ADAPTIVE, STIFFNESS_DAMPING, because=" (the march of moving zones has no stiffness matrix)"),
+    *excluded(STIFFNESS_DAMPING, STATE_BASED, because=" (bonds that break leave other families as they are)"),
     *excluded(SPLIT, LAW, ABSORB, SINGLE),
     *excluded(BONDS_COLLOCATED, DAMPING, use="0"),
     *excluded(BONDS_COLLOCATED, REGIONS, LAW, ABSORB, DIFFRACTION, THESIS, SINGLE),
+    *excluded(PARTICLES, STIFFNESS_DAMPING),
     *excluded(PARTICLES, ADAPTIVE, LARGE, THESIS),
     *excluded(DEVICE, STATIC, IMPLICIT, use="explicit"),
+    *excluded(DEVICE, STIFFNESS_DAMPING),
     *excluded(DEVICE, HEAT, use="mechanics or diffusion"),
     *excluded(DEVICE, ADAPTIVE, COLLOCATION, PARTICLES, KINETIC, CORRESPONDENCE, MICROPOLAR),
     *excluded(DEVICE, CONTACT, RIGID, SPRINGS, PINS, use="none"),

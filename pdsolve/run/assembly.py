@@ -41,6 +41,7 @@ from pdsolve.operators.contact.operator import PenaltyContact, touch_bound
 from pdsolve.operators.ghosts import Ghosts
 from pdsolve.operators.ground_supports import support_bound, supported
 from pdsolve.operators.protocol import Operator
+from pdsolve.operators.stiffness_damping import add_stiffness_damping, damped_stable_time_step
 from pdsolve.operators.together import Together, unwrap_bond_operator
 from pdsolve.options import Options, threads_of
 from pdsolve.ranks.diffusing import EulerOnRanks
@@ -258,7 +259,8 @@ def compute_stable_time_step(model: Model, operator: Operator) -> float:
     breaks = model.settings.run.cracks == "bonds" and any(material.failure != "none" for material in model.materials)
     if breaks and torn_stiffness is not None:  # of laws of families alone, whose bonds are listed
         start = np.maximum(start, torn_stiffness(cast("BondList", unwrap_bond_operator(operator)).columns, start))
-    return stable_time_step_from_stiffness_bound(start, model.rho)
+    step, damping_time = stable_time_step_from_stiffness_bound(start, model.rho), model.settings.run.damping_time
+    return damped_stable_time_step(step, damping_time) if damping_time else step
 
 
 def compute_stable_time_step_of_intact_bonds(model: Model, operator: Operator) -> float:
@@ -325,6 +327,8 @@ def assemble_system(
     u, v = np.zeros((2, nodes, width), dtype=kind)
     state = State(u, v, initial_acceleration(conditions, rho), *np.zeros((3, nodes)))
     state = operator.to_own_layout(state)
+    if model.settings.run.damping_time:
+        operator = add_stiffness_damping(model, operator, state)
     damped = damping(model) if damping_rates is None else damping_rates
     set_initial_velocity_and_acceleration(state, velocity, damped, conditions)
     stepper = make_stepper(operator, state, conditions, rho, time_step, damped, ghosts)

@@ -21,6 +21,7 @@ from pdsolve.diffusion.swelling import Swelling
 from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
 from pdsolve.numerics.memory import aligned
+from pdsolve.operators.stiffness_damping import damped_stable_time_step
 from pdsolve.options import Options, threads_of
 from pdsolve.run.assembly import (
     BondLayout,
@@ -146,7 +147,8 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     elif paired and not (moves or model.swells) and settings.run.solver != "static":
         counts, stiffness_bound, summed = count_bonds_and_compute_stiffness_bound(model, options, scheme)
         count, family = counts.bonds, counts.family
-        bound = stable_time_step_from_stiffness_bound(stiffness_bound, model.rho)
+        undamped = stable_time_step_from_stiffness_bound(stiffness_bound, model.rho)
+        bound = damped_stable_time_step(undamped, settings.run.damping_time)
         step = choose_time_step(model, bound)
     else:
         system = prepare(model, options).system

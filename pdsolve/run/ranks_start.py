@@ -14,6 +14,7 @@ from pdsolve.conditions import damping, drive, initial_velocity
 from pdsolve.model import Model
 from pdsolve.numerics.ordered_sums import Branches, branches, total
 from pdsolve.numerics.team import Team
+from pdsolve.operators.stiffness_damping import damped_stable_time_step
 from pdsolve.options import Options
 from pdsolve.ranks.building import built
 from pdsolve.ranks.part import Part, added_up
@@ -54,7 +55,8 @@ def prepare_run_on_ranks(model: Model, options: Options, team: Team) -> Prepared
     """A motion on all ranks of a team, and the state of rank 0's window. Raises ModelError."""
     slabs, parts = built(model, options, team, make_operator, make_tiled_operator)
     largest = np.array([max(report.resistance for report in parts)])
-    bound = stable_time_step_from_stiffness_bound(largest, np.ones(1))
+    undamped = stable_time_step_from_stiffness_bound(largest, np.ones(1))
+    bound = damped_stable_time_step(undamped, model.settings.run.damping_time)
     step = choose_time_step(model, bound)
     layers = any(isinstance(condition, Absorb) for condition in model.settings.conditions)
     listed = layers and model.grid.lattice is None
