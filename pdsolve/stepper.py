@@ -38,7 +38,7 @@ class Stepper(ABC):
     def advance(self, state: State, first_step: int, end_step: int) -> int:
         """Take the steps `first_step` to `end_step` - 1, in place; returns the last step taken.
 
-        A path that has ended returns an earlier one, a fatigue life that has ended the last step asked for.
+        A path or a fatigue life that has ended returns an earlier one, that after which it ended.
         """
 
     def report_to(self, on_progress: Callable[[LoadStepProgress], None] | None) -> None:

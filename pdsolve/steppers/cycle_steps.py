@@ -33,7 +33,8 @@ class CycleSteps(Stepper):
         self.end_reason = ""
 
     def advance(self, state: State, first_step: int, end_step: int) -> int:
-        """Take the steps `first_step` to `end_step` - 1, in place, unless life has ended; returns the last one.
+        """Take the steps `first_step` to `end_step` - 1, in place, unless life has ended; returns the last one
+        taken.
 
         Raises NotConvergedError.
         """
@@ -46,7 +47,7 @@ class CycleSteps(Stepper):
             equilibrium = self._take_cycle_step(state, step, Equilibrium(0, self._motion.step_results[-1].residual))
             broken = len(self._operator.broken().step)
             self.step_results.append(Cycled(step, equilibrium.iterations, equilibrium.residual, self._cycles, broken))
-        return end_step - 1
+        return self.step_results[-1].step if self.step_results else first_step - 1
 
     def _take_cycle_step(self, state: State, step: int, previous_equilibrium: Equilibrium) -> Equilibrium:
         """Take a step; returns how what is left settled, `previous_equilibrium` if nothing changed."""

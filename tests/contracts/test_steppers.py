@@ -17,6 +17,7 @@ from pdsolve.state import State
 
 NODES_CHANGE = {"hybrid", "collocation", "split"}  # whose nodes a checkpoint restores first; see tests/formats
 STEPS = 2  # before the checkpoint, and after it
+MANY = 1000  # steps, more than a life of the kinds here has
 pytestmark = pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")  # bodies this small jump
 QUICK = ("at rest", "bonds", "diffusion", "dissolution, implicit", "fatigue", "fatigue by K", "heat at rest")
 KINDS_OF_STEPPER = [
@@ -48,6 +49,17 @@ def test_a_restored_stepper_goes_on_bit_by_bit(kind: str) -> None:
     for name, values in ends[0].items():
         assert values.tobytes() == ends[1][name].tobytes(), name
     assert json.dumps(first.system.stepper.summary()) == json.dumps(second.system.stepper.summary())
+
+
+def test_a_life_that_has_ended_returns_its_last_step() -> None:
+    """However many steps are asked for, so that a checkpoint after the step returned holds as many."""
+    first, second = prepared_kind("fatigue"), prepared_kind("fatigue")
+    last = first.system.stepper.advance(first.state, 1, MANY)
+    assert first.system.stepper.finished
+    assert last == len(first.system.stepper.summary()["fatigue_steps"]) < MANY - 1
+    assert first.system.stepper.advance(first.state, last + 1, MANY) == last
+    checkpoint = {name: values.copy() for name, values in make_checkpoint(*first).items()}
+    restore_state(*second, last, checkpoint, list_breaks_since(first.system, 0))
 
 
 @pytest.mark.parametrize("kind", QUICK)
