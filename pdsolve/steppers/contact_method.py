@@ -31,6 +31,8 @@ FAR = 0.5  # spacings: a node that moves farther in one equilibrium may miss wha
 class EquilibriumMethodWithContact:
     """A method for an operator with a part that is contact; see `EquilibriumMethod`."""
 
+    reference_is_near = True
+
     def __init__(self, method: EquilibriumMethod, operator: Operator, contact: RestingContact) -> None:
         self._method, self._operator, self.contact = method, operator, contact
         self.description = method.description
@@ -62,6 +64,10 @@ class EquilibriumMethodWithContact:
     def discard_reused_tangent(self) -> None:
         """Discard history, so that what follows depends on the state alone."""
         self._method.discard_reused_tangent()
+
+    def discard_reference(self) -> None:
+        """See `EquilibriumMethod`."""
+        self._method.discard_reference()
 
     def count_unstable_modes(self, state: State, constrained: NDArray[np.bool_]) -> int:
         """Independent displacements along which energy falls; see `EquilibriumMethod`."""

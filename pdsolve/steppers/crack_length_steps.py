@@ -26,7 +26,7 @@ from pdsolve.operators.protocol import Operator
 from pdsolve.state import Broken, State
 from pdsolve.steppers.equilibrium import Equilibrium, NotConvergedError, force_densities
 from pdsolve.steppers.growing_cracks import CrackedBodySnapshot, CrackGrowth, EvaluatedTip, stress_intensities_of_tips
-from pdsolve.steppers.load_steps import LoadSteps, LoadStepStatistics
+from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.path_stepper import REACHED, PathStepper
 
 Array = NDArray[np.float64]
@@ -54,11 +54,14 @@ class CrackLengthSteps(PathStepper):
         self.inner = load_steps
         self.description = f"crack length as the control, {load_steps.method.description}"
 
+    def checkpoint_arrays(self) -> dict[str, NDArray[Any]]:
+        """The path so far, and what load steps keep, which take none by themselves, for a checkpoint."""
+        return super().checkpoint_arrays() | self._motion.checkpoint_arrays()
+
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken) -> None:
         """Restore a checkpoint after `step`. Raises CheckpointError."""
         super().restore(checkpoint, state, step, broken)
-        none = {"rested": np.zeros((0, len(LoadStepStatistics._fields)))}
-        self._motion.restore(none, state, 0, broken)
+        self._motion.restore(checkpoint, state, 0, broken)
 
     def _finished_path_share(self) -> float:
         """How much of the path is done: of its steps, or of the loads."""

@@ -48,6 +48,7 @@ class EquilibriumMethod(Protocol):
     """A method to find equilibrium; by default it has no tangent, and no equations."""
 
     description: str  # which it is, for the record
+    reference_is_near: bool = True  # whether factors of the undeformed body, if there are any, serve for all load steps
     least_load_step_share: float  # share of a load step that is worth a try, where larger ones do not come to rest
 
     def solve_equilibrium(
@@ -57,6 +58,10 @@ class EquilibriumMethod(Protocol):
 
     def discard_reused_tangent(self) -> None:
         """Discard the tangent and its factors, where there are any: what follows depends on the state alone."""
+        return
+
+    def discard_reference(self) -> None:
+        """Take new factors in each load step from now on, as the stiffness of the undeformed body changes."""
         return
 
     def count_unstable_modes(self, state: State, constrained: NDArray[np.bool_]) -> int:

@@ -16,6 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.state import Broken
+
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
@@ -32,7 +34,8 @@ SLIGHT = 5e-3  # of the largest entry of the diagonal: smaller changes are left 
 GROUP = (
     4  # components, whose columns are solved for together: for more BLAS takes threads, which cost more than they save
 )
-CHANGED = 640  # components, at most: columns fit into memory, and equations of them take less than factors
+CHANGED, KEPT = 800, 600  # components, at most, in all and from one step to the next: equations of them take less than
+# factors of a plate
 REFINED = 8  # times, at most
 ELSEWHERE = 0.05  # of a right side: if less acts on components that have not changed, that is left to refinement
 
@@ -73,7 +76,7 @@ class ReusedFactors:
         self._entries: tuple[Index, Index, Index] | None = (
             None  # of matrices of the same pattern: which, and where in M
         )
-        self._equations: tuple[Array, Array] | None = None  # LU factors of I + E^T X M; None: to be made
+        self._equations: tuple[Array, Array, int] | None = None  # LU factors of I + E^T X M; None: to be made
 
     def changed_components(self, matrix: csr_array) -> Index:
         """Components (q,) with larger changes of their entries, in order."""
@@ -94,9 +97,9 @@ class ReusedFactors:
 
     def keep_components(self, components: Index) -> bool:
         """Keep columns of these components only, in order, and add what is missing, so that solutions depend on them
-        and not on what was there before; False if they are too many, with as many to come."""
+        and not on what was there before; False if they are too many, with more to come."""
         groups = np.unique(components // GROUP)
-        if GROUP * len(groups) > CHANGED // 2:
+        if GROUP * len(groups) > KEPT:
             return False
         kept = np.flatnonzero(np.isin(self.components // GROUP, groups))
         self._order(kept)
@@ -148,20 +151,23 @@ class ReusedFactors:
 
     def solve_approximately(self, right_side: Array) -> Array:
         """The solutions for right sides (k, r), without refinement."""
-        from scipy.linalg import lu_factor, lu_solve
+        from scipy.linalg.lapack import dgetrf, dgetrs
 
         at, columns = self.components, self._room[:, : len(self.components)]
         if not len(at):
             return self._inverse(right_side)
         if self._equations is None:
-            self._equations = lu_factor(np.eye(len(at)) + self._coupling @ self._change, check_finite=False)
+            self._equations = dgetrf(np.eye(len(at)) + self._coupling @ self._change)
+        lu, pivots, is_singular = self._equations
         inside = right_side[at]
         squares = (right_side**2).sum(axis=0)
-        if (squares - (inside**2).sum(axis=0) <= ELSEWHERE**2 * squares).all():
-            weights = lu_solve(self._equations, self._coupling @ inside, check_finite=False)
+        if not is_singular and (squares - (inside**2).sum(axis=0) <= ELSEWHERE**2 * squares).all():
+            weights = dgetrs(lu, pivots, self._coupling @ inside)[0]
             return np.asarray(columns @ (inside - self._change @ weights))
         solution = self._inverse(right_side)
-        weights = lu_solve(self._equations, solution[at], check_finite=False)
+        if is_singular:  # nothing else holds a node: iterations will find out
+            return solution
+        weights = dgetrs(lu, pivots, solution[at])[0]
         return np.asarray(solution - columns @ (self._change @ weights))
 
     def solve(self, matrix: csr_array, right_side: Array, left: float, guess: Array | None = None) -> Array | None:
@@ -196,6 +202,72 @@ class ReusedFactors:
             if (np.linalg.norm(residual, axis=0) <= enough).all():
                 return solution
         return None
+
+
+class FactorsWithoutBonds:
+    """Factors of the tangent of a body, and solutions without the bonds that have broken since.
+
+    A bond between nodes i and j adds k b b^T to the tangent, b being n at i and -n at j, of its direction n and of the
+    largest eigenvalue k of what it adds to the block of i and j. What is left of it, across n, is some percent under
+    the strains at which bonds break, and iterations correct it.
+    """
+
+    def __init__(self, tangent: csr_array, free: NDArray[np.bool_], broken_bonds: Broken) -> None:
+        """`tangent` (n w, n w) is symmetric, without `broken_bonds`; `free` (n, w) components get factors.
+
+        Raises RuntimeError for a singular tangent.
+        """
+        self.tangent, (self._nodes, self._width) = tangent, free.shape
+        inner = free.ravel()
+        self._factors = ReusedFactors(tangent[inner][:, inner])
+        self._row = np.where(inner, np.cumsum(inner) - 1, -1).reshape(free.shape)
+        self._at_start = self._known = self._pair_ids(broken_bonds)
+
+    def remove_bonds(self, broken_bonds: Broken) -> bool:
+        """Take these for broken; False if they are too many, or if one is there again."""
+        pairs, before = self._pair_ids(broken_bonds), self._known
+        self._known, new = pairs, np.setdiff1d(pairs, before)
+        if len(np.setdiff1d(before, pairs)):
+            return False
+        return not len(new) or self._factors.add_change(*self._change_without(new))
+
+    def restart_without_bonds(self, broken_bonds: Broken) -> bool:
+        """Take these for broken, whatever was solved before; False if they are too many."""
+        self._known = self._pair_ids(broken_bonds)
+        components, change = self._change_without(np.setdiff1d(self._known, self._at_start))
+        if len(np.setdiff1d(self._at_start, self._known)) or not self._factors.keep_components(components):
+            return False
+        return self._factors.add_change(components, change)
+
+    def solve(self, right_side: Array) -> Array:
+        """The solution for a right side (k,), roughly."""
+        return np.asarray(self._factors.solve_approximately(right_side[:, None])[:, 0])
+
+    def _pair_ids(self, broken_bonds: Broken) -> Index:
+        """A number for each pair of nodes, whichever of them comes first, in order."""
+        source, target = broken_bonds.source, broken_bonds.target
+        return np.unique(np.minimum(source, target) * self._nodes + np.maximum(source, target))
+
+    def _change_without(self, pairs: Index) -> tuple[Index, Array]:
+        """Free components (q,), and the change (q, q) of the tangent there, without these pairs of nodes."""
+        if not len(pairs):
+            return pairs, np.zeros((0, 0))
+        axes = np.arange(self._width)
+        ends = np.stack(np.divmod(pairs, self._nodes), axis=1)  # (p, 2)
+        rows, columns = (self._width * node[:, None] + axes for node in ends.T)
+        places = np.repeat(rows, self._width, axis=1).ravel(), np.tile(columns, self._width).ravel()
+        block = -np.asarray(self.tangent[places]).reshape(len(pairs), self._width, self._width)
+        values, vectors = np.linalg.eigh(block)
+        way = np.concatenate([vectors[:, :, -1], -vectors[:, :, -1]], axis=1)  # (p, 2 w)
+        change = -np.maximum(values[:, -1], 0.0)[:, None, None] * way[:, :, None] * way[:, None, :]
+        at = self._row[ends].reshape(len(pairs), -1)
+        components = np.unique(at[at >= 0])
+        is_free = (at[:, :, None] >= 0) & (at[:, None, :] >= 0)
+        place = np.searchsorted(components, at)
+        row, column = np.broadcast_arrays(place[:, :, None], place[:, None, :])
+        total = np.zeros((len(components), len(components)))
+        np.add.at(total, (row[is_free], column[is_free]), change[is_free])
+        return components, total
 
 
 class Submatrix:

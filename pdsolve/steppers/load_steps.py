@@ -146,6 +146,7 @@ class LoadSteps(Stepper):
         `on_next_equilibrium` is called with the next equilibrium before bonds break.
         """
         self._on_next_equilibrium = on_next_equilibrium
+        self.method.discard_reference()
         if self._breaking is not None:
             self._breaking.swell(strain)
         self._inner = norm(force_densities(self._operator, state._replace(value=np.zeros(state.value.shape))))
@@ -182,11 +183,14 @@ class LoadSteps(Stepper):
         self._restrain_loose_bodies(broken, f"after {pair_count(len(broken.step))} bonds broke: ")
 
     def checkpoint_arrays(self) -> dict[str, NDArray[Any]]:
-        """Convergence data (k, 5) of the load steps so far, for a checkpoint."""
-        return {"rested": np.array(self.step_results, dtype=float).reshape(-1, len(LoadStepStatistics._fields))}
+        """Convergence data (k, 5) of the load steps so far, and whether factors stay, for a checkpoint."""
+        rows = np.array(self.step_results, dtype=float).reshape(-1, len(LoadStepStatistics._fields))
+        return {"rested": rows, "reference_is_near": np.array([float(self.method.reference_is_near)])}
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken) -> None:
         """Restore a checkpoint after `step` with these broken bonds. Raises CheckpointError."""
+        if not entry(checkpoint, "reference_is_near", (1,), float)[0]:
+            self.method.discard_reference()
         rows = entry(checkpoint, "rested", (step, len(LoadStepStatistics._fields)), float)
         if not np.array_equal(rows[:, 0], np.arange(1, step + 1)):
             raise CheckpointError(f"load steps are not 1 to {step}, those until the checkpoint")

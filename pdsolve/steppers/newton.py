@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from pdsolve.operators.protocol import Operator
 from pdsolve.state import State
-from pdsolve.steppers.downdated_tangent import DowndatedTangent
 from pdsolve.steppers.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
@@ -31,7 +30,7 @@ from pdsolve.steppers.equilibrium import (
     reference_stiffness_above_round_off,
     relative_residual,
 )
-from pdsolve.steppers.factors import count_negative_eigenvalues, factorize
+from pdsolve.steppers.factors import FactorsWithoutBonds, count_negative_eigenvalues, factorize
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -45,6 +44,7 @@ RUNAWAY = 100  # times the displacements of the first iteration: a body that flo
 FACTORED = 60_000  # free components
 FACTORED_IN = {2: FACTORED, 3: 3_000}  # by dimension: in space each has ten times as many neighbours
 NEARLY_LINEAR = 4  # iterations: an equilibrium that took no more leaves its tangent to the next one
+SLOW = 10  # iterations with the factors of the undeformed body: an equilibrium that takes more is far from it
 HALVINGS = 10  # of a step, at most
 PATIENCE = 6  # iterations in which an old tangent must bring the residual down by FALL
 FALL = 0.1
@@ -84,16 +84,40 @@ class Newton:
         way = "factors" if self._factored else "conjugate gradients" if operator.symmetric else "BiCGStab"
         self.description = f"Newton's method with {way}"
         self._floating: NDArray[np.bool_] | None = None  # (n,) nodes that are held softly
-        self._pairs = forces_are_pairwise and operator.symmetric
-        self._lost: DowndatedTangent | None = None
+        self._pairs = forces_are_pairwise and operator.symmetric and self._factored
+        self._no_bonds_broken = operator.broken()
+        self._reference: FactorsWithoutBonds | None = None  # of the body as it was made
+        self.reference_is_near = True  # whether its tangent serves for all load steps
+        self._lost: FactorsWithoutBonds | None = None
         self._inverse: Callable[[Array], Array] | None = None
         self._matrix: csr_array | None = None
-        self._fresh = False  # whether the tangent is that of the state as it is
 
     def discard_reused_tangent(self) -> None:
         """Discard the factors of the tangent, so that what follows depends on the state alone."""
         self._inverse = self._matrix = self._lost = None
-        self._fresh = False
+
+    def discard_reference(self) -> None:
+        """Take new factors in each load step from now on, as those of the undeformed body lead too slowly to rest."""
+        self.reference_is_near, self._reference = False, None
+        self.discard_reused_tangent()
+
+    def _take_factors_of_reference(self, state: State, free: NDArray[np.bool_]) -> None:
+        """Take the factors of the body as it was made, without the bonds that have broken since, if they serve."""
+        broken, operator = self._operator.broken(), self._operator
+        if self._reference is None:
+            checkpoint = operator.checkpoint_arrays()
+            operator.restore(checkpoint, self._no_bonds_broken)
+            undeformed = state._replace(value=np.zeros(state.value.shape))
+            try:
+                matrix = self._symmetric_part_of_weighted_tangent(undeformed)
+                self._reference = FactorsWithoutBonds(matrix, free, self._no_bonds_broken)
+            except RuntimeError:
+                self.reference_is_near = False
+            operator.restore(checkpoint, broken)
+        if self._reference is None or not self._reference.restart_without_bonds(broken):
+            self.discard_reference()
+        else:
+            self._lost, self._matrix, self._inverse = self._reference, self._reference.tangent, self._reference.solve
 
     def restrain_by_weak_springs(self, nodes: NDArray[np.bool_]) -> None:
         """Restrain these nodes (n,) by weak springs in the equations only, which takes a few more iterations."""
@@ -121,11 +145,12 @@ class Newton:
         """
         start, free, done = state.value.copy(), ~conditions.constrained, 0
         self._before = norm(start)
+        if self._inverse is None and self._pairs and self.reference_is_near and self._floating is None:
+            self._take_factors_of_reference(state, free)
         if (state.value != np.where(free, state.value, conditions.prescribed_displacement)).any():
             free = ~conditions.constrained
             if self._matrix is None:
                 self._set_up_tangent_solver(state, free)
-                self._fresh = False
             assert self._matrix is not None
             assert self._inverse is not None
             way = np.where(free, 0.0, conditions.prescribed_displacement - state.value).ravel()
@@ -133,10 +158,12 @@ class Newton:
             move = way.copy()
             move[free.ravel()] = self._inverse(along)
             state.value[:] = np.where(free, state.value + move.reshape(free.shape), conditions.prescribed_displacement)
-        if self._lost is not None and not self._lost.remove_bonds_if_few(self._operator.broken()):
+        if self._lost is not None and not self._lost.remove_bonds(self._operator.broken()):
             self.discard_reused_tangent()
-        if self._inverse is not None and not self._fresh:
+        if self._inverse is not None:
             equilibrium, done = self._iterate_with_old_tangent(state, conditions, report_progress)
+            if self._lost is self._reference is not None and (equilibrium is None or done > SLOW):
+                self.discard_reference()
             if equilibrium is not None:
                 return equilibrium
         equilibrium, done = self._iterate_with_new_tangents(state, conditions, done, report_progress)
@@ -171,9 +198,7 @@ class Newton:
             report_progress(done, residual)
             if done == iterations_before + self._most or not np.isfinite(residual):
                 break
-            if not self._fresh or done > iterations_before:
-                self._set_up_tangent_solver(state, free, residual)
-            self._fresh = False
+            self._set_up_tangent_solver(state, free, residual)
             assert self._inverse is not None
             pushed = weighted_residual(out)
             value, step, size = state.value[free], self._inverse(pushed), 1.0
@@ -254,15 +279,16 @@ class Newton:
             )
             return
         try:
-            self._inverse = factorize(inner, symmetric)
+            if self._pairs:
+                self._lost = FactorsWithoutBonds(matrix, free, self._operator.broken())
+                self._inverse = self._lost.solve
+            else:
+                self._inverse = factorize(inner, symmetric)
         except RuntimeError:
             raise NotConvergedError(
                 "a body is free to move in its own plane without a force; add supports, or use run.static.floating"
                 " (--float)"
             ) from None
-        if self._pairs:
-            self._lost = DowndatedTangent(matrix, free, self._inverse, self._operator.broken())
-            self._inverse = self._lost.solve
 
     def _symmetric_part_of_weighted_tangent(self, state: State) -> csr_array:
         """The symmetric part of the tangent times the nodes' areas, N/m^2."""
