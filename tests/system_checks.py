@@ -14,12 +14,12 @@ from scipy.sparse.linalg import eigsh
 
 from pdsolve.bonds.assembly import Bonds, in_precision
 from pdsolve.model import ModelWarning
+from pdsolve.rest.equilibrium import EquilibriumConditions
+from pdsolve.rest.newton import Newton
 from pdsolve.run.assembly import prepare_explicit_motion
 from pdsolve.run.subdomain import make_checkpoint
 from pdsolve.run.system import PreparedRun
 from pdsolve.state import Broken
-from pdsolve.steppers.equilibrium import EquilibriumConditions
-from pdsolve.steppers.newton import Newton
 
 SMALL = 1e-6
 

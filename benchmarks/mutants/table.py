@@ -324,19 +324,19 @@ MUTANTS = (
         f"{UNIT}/test_crack_growth.py::test_a_crack_by_intensities_reaches_the_edge",
     ),
     Mutant(
-        "pdsolve/steppers/crack_length_steps.py",
+        "pdsolve/rest/crack_length.py",
         "        state.dissipated[:] -= (cut * way).sum(axis=1) / 2\n",
         "",
         "tests/verification/test_crack_length.py::test_an_edge_crack_snaps_back",
     ),
     Mutant(
-        "pdsolve/steppers/arc_length_steps.py",
+        "pdsolve/rest/arc_length.py",
         "turned = -1.0 if not begins and",
         "turned = 1.0 if not begins and",
         "tests/verification/test_arc_length.py::test_two_bars_snap_through",
     ),
     Mutant(
-        "pdsolve/steppers/rigid_body_modes.py",
+        "pdsolve/rest/modes.py",
         "        if not all(np.isin(near[i], near[j]).any()",
         "        if False and not all(np.isin(near[i], near[j]).any()",
         f"{UNIT}/test_downdated_tangent.py::test_bodies_that_stay_supported_are[True]",

@@ -34,8 +34,8 @@ from pdsolve.fracture.domain_integrals import Ring
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Operator
+from pdsolve.rest.equilibrium import force_densities
 from pdsolve.state import Broken, State
-from pdsolve.steppers.equilibrium import force_densities
 
 BLURRED, LEAST, RING = 2.0, 3.5, 5.0  # horizons: where a ring begins, the room it needs, where it ends at most
 OUTER = 0.8  # of the room: where a ring ends

@@ -28,9 +28,9 @@ from pdsolve.diffusion.walls import Array
 from pdsolve.lattice.flux_operator import FluxesInList, links_between
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
+from pdsolve.rest.load_steps import LoadSteps
 from pdsolve.state import Broken, State
 from pdsolve.stepper import Stepper
-from pdsolve.steppers.load_steps import LoadSteps
 from pdsolve.steppers.theta import ThetaSteps
 
 SMALL = 1e-5  # of strain: energies that far apart tell their derivative

@@ -18,11 +18,11 @@ from pdmesh.model.document import Condition
 from pdsolve.conditions import constrained_components, factors
 from pdsolve.model import Model, model_of
 from pdsolve.options import Options
+from pdsolve.rest.equilibrium import force_densities
 from pdsolve.results import Results
 from pdsolve.run.prepare import prepare
 from pdsolve.run.subdomain import restore_state
 from pdsolve.run.system import PreparedRun
-from pdsolve.steppers.equilibrium import force_densities
 
 FRAMES = 50  # of the motion
 ENTRIES = 500  # of its ledger

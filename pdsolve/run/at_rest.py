@@ -15,6 +15,21 @@ from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.ground_supports import supports_of
 from pdsolve.operators.softening_shear import softening_of
 from pdsolve.options import Options
+from pdsolve.rest.arc_length import ArcLengthSteps
+from pdsolve.rest.contact_method import EquilibriumMethodWithContact
+from pdsolve.rest.continuation import SofteningPathSteps
+from pdsolve.rest.crack_length import CrackLengthSteps
+from pdsolve.rest.equilibrium import EquilibriumMethod
+from pdsolve.rest.fatigue import BondFatigueSteps
+from pdsolve.rest.load_steps import LoadSteps
+from pdsolve.rest.newton import FACTORED, FACTORED_IN, Newton
+from pdsolve.rest.paris import ParisSteps
+from pdsolve.rest.relaxation import DynamicRelaxation
+from pdsolve.rest.static_loads import (
+    uses_arc_length_control,
+    uses_crack_length_control,
+    uses_softening_path_control,
+)
 from pdsolve.run.assembly import (
     add_ground_supports,
     add_quasi_static_contact,
@@ -26,21 +41,6 @@ from pdsolve.run.node_changes import GrowingCracks
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import zero_state
-from pdsolve.steppers.arc_length_steps import ArcLengthSteps
-from pdsolve.steppers.contact_method import EquilibriumMethodWithContact
-from pdsolve.steppers.crack_length_steps import CrackLengthSteps
-from pdsolve.steppers.equilibrium import EquilibriumMethod
-from pdsolve.steppers.fatigue_steps import BondFatigueSteps
-from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.steppers.newton import FACTORED, FACTORED_IN, Newton
-from pdsolve.steppers.paris_steps import ParisSteps
-from pdsolve.steppers.path_steps import SofteningPathSteps
-from pdsolve.steppers.relaxation import DynamicRelaxation
-from pdsolve.steppers.static_loads import (
-    uses_arc_length_control,
-    uses_crack_length_control,
-    uses_softening_path_control,
-)
 
 MOST_ALONG_PATH = {2: FACTORED, 3: 10_000}  # free components by dimension: factors of 5800 in space take 0.5 GB
 

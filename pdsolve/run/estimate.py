@@ -23,6 +23,10 @@ from pdsolve.model import Model, counted
 from pdsolve.numerics.memory import aligned
 from pdsolve.operators.stiffness_damping import damped_stable_time_step
 from pdsolve.options import Options, threads_of
+from pdsolve.rest.arc_length import ArcLengthSteps
+from pdsolve.rest.continuation import CRACK_STEPS, SofteningPathSteps
+from pdsolve.rest.crack_length import CrackLengthSteps
+from pdsolve.rest.newton import FACTORED
 from pdsolve.run.assembly import (
     BondLayout,
     bond_layout_of_operator,
@@ -34,10 +38,6 @@ from pdsolve.run.assembly import (
 from pdsolve.run.prepare import prepare, select_scheme
 from pdsolve.run.static_start import prepare_quasi_static_model_of_start
 from pdsolve.run.system import System
-from pdsolve.steppers.arc_length_steps import ArcLengthSteps
-from pdsolve.steppers.crack_length_steps import CrackLengthSteps
-from pdsolve.steppers.newton import FACTORED
-from pdsolve.steppers.path_steps import CRACK_STEPS, SofteningPathSteps
 
 DEFAULT = Options()
 

@@ -8,9 +8,9 @@ import numpy as np
 
 from pdsolve.conditions import constrained_components, initial_displacement
 from pdsolve.model import on_device
+from pdsolve.rest.equilibrium import force_densities
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
-from pdsolve.steppers.equilibrium import force_densities
 
 
 def apply_initial_displacements(prepared: PreparedRun) -> PreparedRun:

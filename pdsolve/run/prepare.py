@@ -25,6 +25,8 @@ from pdsolve.numerics.thread_team import cores, useful_threads
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.together import unwrap_bond_operator
 from pdsolve.options import Options, threads_of
+from pdsolve.rest.equilibrium import force_densities
+from pdsolve.rest.static_loads import model_with_load_steps, quasi_static_swelling_model
 from pdsolve.run.assembly import (
     assemble_system,
     choose_time_step,
@@ -43,9 +45,7 @@ from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone, bro
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.scheme import Scheme
-from pdsolve.steppers.equilibrium import force_densities
 from pdsolve.steppers.euler import ForwardEuler
-from pdsolve.steppers.static_loads import model_with_load_steps, quasi_static_swelling_model
 
 WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they all there
 

@@ -21,6 +21,7 @@ from pdsolve.model import Model, model_of, on_device
 from pdsolve.numerics.memory import give_back
 from pdsolve.numerics.team import Team
 from pdsolve.options import Options
+from pdsolve.rest.equilibrium import NotConvergedError
 from pdsolve.results import Behind, Results, ResultsError, Writer, behind, is_empty, put_away, writing_to
 from pdsolve.run import resuming, zone_restarts
 from pdsolve.run.after_path import (
@@ -37,7 +38,6 @@ from pdsolve.run.static_start import start_in_static_equilibrium
 from pdsolve.run.system import RefinementThresholdFromStep, Regridder, System, next_multiple
 from pdsolve.state import State
 from pdsolve.stepper import LoadStepProgress
-from pdsolve.steppers.equilibrium import NotConvergedError
 from pdsolve.zone.summary import ZoneSummary
 
 PATIENCE = 4e8  # bond updates between two looks at the watcher, some 0.2 s; fewer where they take longer

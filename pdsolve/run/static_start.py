@@ -9,11 +9,11 @@ import numpy as np
 
 from pdsolve.model import Model
 from pdsolve.options import Options
+from pdsolve.rest.equilibrium import force_densities
+from pdsolve.rest.load_steps import LoadSteps
 from pdsolve.run.at_rest import prepare_quasi_static_run
 from pdsolve.run.system import PreparedRun
 from pdsolve.schemes.scheme import Scheme
-from pdsolve.steppers.equilibrium import force_densities
-from pdsolve.steppers.load_steps import LoadSteps
 
 
 def start_in_static_equilibrium(prepared: PreparedRun) -> PreparedRun:

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from pdsolve.conditions import Drive, constrained_components, prescribe_values, put_loads
 from pdsolve.errors import UnstableError
 from pdsolve.operators.protocol import FluxOperator
+from pdsolve.rest.factors import factorize
 from pdsolve.state import State
 from pdsolve.stepper import Stepper
-from pdsolve.steppers.factors import factorize
 
 TOLERANCE = 1e-12  # of the right-hand side
 ITERATIONS, MOST = 60, 10_000  # of Newton's method, of conjugate gradients

@@ -19,13 +19,13 @@ from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.softening_shear import SofteningShear
 from pdsolve.options import Options
+from pdsolve.rest.continuation import SofteningPathSteps
 from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
 from pdsolve.run.system import PreparedRun
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.separation_energy import cost, patch
-from pdsolve.steppers.path_steps import SofteningPathSteps
 
 CONCRETE = Material(
     E=30e9, rho=2400, G0=100, nu=0.18, model="micropolar", law="cohesive", f_t=3e6, micromodulus="constant"

@@ -23,11 +23,11 @@ from pdmesh.grid.bodies_beside import build_scene
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelWarning
 from pdsolve.operators.softening_bonds import SofteningBonds
+from pdsolve.rest.factors import count_negative_eigenvalues, factorize
+from pdsolve.rest.newton import INNER, INNER_MOST
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate
 from pdsolve.schemes import SCHEMES
-from pdsolve.steppers.factors import count_negative_eigenvalues, factorize
-from pdsolve.steppers.newton import INNER, INNER_MOST
 
 ONE = Options(threads=1)
 

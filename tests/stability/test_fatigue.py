@@ -13,8 +13,8 @@ from plates import shipped
 from pdmesh.model.document import Fatigue, Material, ParticleRules
 from pdpost.measures.fatigue import cycles_after_steps
 from pdsolve.model import Model
+from pdsolve.rest.paris import ParisSteps
 from pdsolve.run.simulation import Options, simulate
-from pdsolve.steppers.paris_steps import ParisSteps
 
 WAY, SHORT, LONG = 8, 1, 4  # mm that the crack grows, and particles, mm
 YIELD = 355e6  # Pa, of structural steel S355

@@ -16,9 +16,9 @@ from pdmesh.model.document import Displacement, Load, Material, Run, Static
 from pdmesh.model.node_grid import Grid
 from pdpost.measures.forces import read_condition_force_histories, select_condition_force_histories
 from pdsolve.model import Model
+from pdsolve.rest.arc_length import ArcLengthSteps
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import NotConvergedError, Options, resume, simulate
-from pdsolve.steppers.arc_length_steps import ArcLengthSteps
 
 RAMP = ((0.0, 0.0), (1.0, 1.0))
 ONE = Options(threads=1)

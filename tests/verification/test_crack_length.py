@@ -18,12 +18,12 @@ from pdmesh.model.document import ParticleRules
 from pdpost.measures.forces import read_condition_force_histories, select_condition_force_histories
 from pdpost.measures.gaps import force_over_gap_opening, read_named_gap
 from pdsolve.model import Model, ModelWarning
+from pdsolve.rest.crack_length import CrackLengthSteps
+from pdsolve.rest.equilibrium import Equilibrium
+from pdsolve.rest.load_steps import LoadSteps
 from pdsolve.results import Results
 from pdsolve.run.simulation import NotConvergedError, Options, resume, simulate
 from pdsolve.state import State
-from pdsolve.steppers.crack_length_steps import CrackLengthSteps
-from pdsolve.steppers.equilibrium import Equilibrium
-from pdsolve.steppers.load_steps import LoadSteps
 
 GLASS = Material(E=72e9, rho=2500, G0=8.0)
 KC = float(np.sqrt(72e9 * 8.0))

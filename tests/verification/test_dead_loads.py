@@ -8,8 +8,8 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Displacement, Load, Material, Run, Static
 from pdsolve.model import Model
+from pdsolve.rest.equilibrium import NotConvergedError
 from pdsolve.run.simulation import Options, simulate
-from pdsolve.steppers.equilibrium import NotConvergedError
 
 RAMP = ((0.0, 0.0), (1.0, 1.0))
 CONCRETE = Material(E=30e9, rho=2400, G0=100, law="cohesive", f_t=3e6, shape="linear", micromodulus="constant")

@@ -23,12 +23,12 @@ from pdpost.measures.fatigue import (
     measure_tip_growths,
 )
 from pdsolve.model import Model, ModelError
+from pdsolve.rest.equilibrium import NotConvergedError
+from pdsolve.rest.load_steps import LoadSteps
+from pdsolve.rest.paris import ParisSteps, cycles_relative_to_initial_growth_rate
 from pdsolve.results import Results
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
-from pdsolve.steppers.equilibrium import NotConvergedError
-from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.steppers.paris_steps import ParisSteps, cycles_relative_to_initial_growth_rate
 
 ONE = Options(threads=1)
 LINE = {"C": 1.2e-37, "m": 4.0}

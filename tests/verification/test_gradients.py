@@ -14,10 +14,10 @@ from pdmesh.model.document import Displacement, Run, Static
 from pdsolve.laws.higher_order_correspondence import fit
 from pdsolve.model import Model
 from pdsolve.options import Options
+from pdsolve.rest.equilibrium import EquilibriumConditions
+from pdsolve.rest.load_steps import LoadSteps
+from pdsolve.rest.relaxation import DynamicRelaxation
 from pdsolve.run.prepare import prepare
-from pdsolve.steppers.equilibrium import EquilibriumConditions
-from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.steppers.relaxation import DynamicRelaxation
 
 TURN = np.radians(30)
 EXACT = np.diag([-0.375, 0.0])  # Green's strain at the corner

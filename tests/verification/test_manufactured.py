@@ -18,11 +18,11 @@ from scipy.spatial.transform import Rotation
 from pdmesh.model.document import Displacement, Run
 from pdmesh.model.material_constants import lame
 from pdsolve.options import Options
+from pdsolve.rest.equilibrium import EquilibriumConditions
+from pdsolve.rest.newton import Newton
+from pdsolve.rest.static_loads import model_with_load_steps
 from pdsolve.run.at_rest import prepare_quasi_static_run
 from pdsolve.run.prepare import select_scheme
-from pdsolve.steppers.equilibrium import EquilibriumConditions
-from pdsolve.steppers.newton import Newton
-from pdsolve.steppers.static_loads import model_with_load_steps
 
 ONE = Options(threads=1)
 SOLID = {"model": "correspondence", "solid": "neo hooke", "failure": "none", "nu": 0.3, "plane": "strain"}

@@ -15,13 +15,13 @@ from pdmesh.model.document import Displacement, Load, Run, Static
 from pdsolve.conditions import put_loads
 from pdsolve.model import Model
 from pdsolve.options import Options
+from pdsolve.rest.equilibrium import EquilibriumConditions
+from pdsolve.rest.load_steps import LoadSteps
+from pdsolve.rest.newton import Newton
+from pdsolve.rest.static_loads import model_with_load_steps
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 from pdsolve.run.system import PreparedRun
-from pdsolve.steppers.equilibrium import EquilibriumConditions
-from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.steppers.newton import Newton
-from pdsolve.steppers.static_loads import model_with_load_steps
 
 ROUND_OFF = 1e-11  # of the loads: residuals below are not compared
 SOFT = msgspec.structs.replace(GLASS, E=1.0, rho=1.0, G0=1.0, plane="strain", nu=0.3)

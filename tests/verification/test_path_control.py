@@ -20,11 +20,11 @@ from pdpost.measures.forces import read_condition_force_histories, select_condit
 from pdpost.measures.gaps import ForceOpeningCurve, force_over_gap_opening, read_named_gap
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import Model, ModelWarning
+from pdsolve.rest.controls import OpeningControl
+from pdsolve.rest.equilibrium import NotConvergedError
 from pdsolve.results import Results
 from pdsolve.run.estimate import estimate_run
 from pdsolve.run.simulation import Options, resume, simulate
-from pdsolve.steppers.equilibrium import NotConvergedError
-from pdsolve.steppers.path_control import OpeningControl
 
 RAMP = ((0.0, 0.0), (1.0, 1.0))
 ONE = Options(threads=1)

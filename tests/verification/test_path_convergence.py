@@ -17,10 +17,9 @@ from pdmesh.model.document import write_file
 from pdmesh.model.node_grid import document_of
 from pdsolve.model import Model, ModelError, read_model
 from pdsolve.options import Options
+from pdsolve.rest.continuation import FEW, SofteningPathSteps
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
-from pdsolve.steppers.path_following import FEW
-from pdsolve.steppers.path_steps import SofteningPathSteps
 
 ONE = Options(threads=1)
 ROUND_OFF = 1e-11  # of the loads: residuals below are not compared
@@ -40,8 +39,8 @@ def notched(by: str = "displacement", **law: Any) -> Model:
 @pytest.mark.parametrize("law", [{}, {"model": "micropolar", "nu": 0.2}], ids=["springs", "shear"])
 def test_convergence_is_quadratic(law: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """Each residual is at most a multiple of the square of the one before, once it is decided which bonds load."""
-    monkeypatch.setattr("pdsolve.steppers.path_steps.COARSEST", 1e-11)
-    monkeypatch.setattr("pdsolve.steppers.path_following.LEFT", 1e-11)
+    monkeypatch.setattr("pdsolve.rest.continuation.COARSEST", 1e-11)
+    monkeypatch.setattr("pdsolve.rest.continuation.LEFT", 1e-11)
     prepared, found = prepare(notched(**law), ONE), dict[int, list[float]]()
     stepper = prepared.system.stepper
     assert isinstance(stepper, SofteningPathSteps)

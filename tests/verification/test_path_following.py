@@ -21,13 +21,13 @@ from pdmesh.model.document import Spring
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelWarning
 from pdsolve.operators.softening_bonds import SofteningBonds
+from pdsolve.rest.continuation import SofteningPathSteps
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.after_path import results_file_of_motion_after_equilibrium_path
 from pdsolve.run.estimate import estimate_run
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.schemes import SCHEMES
-from pdsolve.steppers.path_steps import SofteningPathSteps
 
 ONE = Options(threads=1)
 RAMP = ((0.0, 0.0), (1.0, 1.0))
@@ -116,7 +116,7 @@ def test_forces_tangent_and_dissipation_belong_together() -> None:
 @pytest.mark.slow
 def test_neither_the_order_of_nodes_nor_threads_matter(monkeypatch: pytest.MonkeyPatch) -> None:
     """With solutions of the equations to round-off; those of a thousandth differ by the tolerance of residuals."""
-    monkeypatch.setattr("pdsolve.steppers.path_following.LEFT", 1e-11)
+    monkeypatch.setattr("pdsolve.rest.continuation.LEFT", 1e-11)
     model = beam(0.02, load_steps=20)
     order = np.random.default_rng(3).permutation(len(model.grid))
     names = ("ids", "position", "delta", "border", "hole_id")
@@ -214,7 +214,7 @@ def test_a_beam_on_an_elastic_bed_sinks_by_its_force_over_it(law: dict[str, Any]
 def test_progress_says_how_long_a_path_still_takes(monkeypatch: pytest.MonkeyPatch) -> None:
     """By the share of its crack, or of its loads."""
     seconds = iter(range(0, 1000, 10))
-    monkeypatch.setattr("pdsolve.steppers.path_stepper.clock.monotonic", lambda: next(seconds))
+    monkeypatch.setattr("pdsolve.rest.path.clock.monotonic", lambda: next(seconds))
     prepared = prepare(beam(0.02, load_steps=20), ONE)
     stepper = prepared.system.stepper
     assert isinstance(stepper, SofteningPathSteps)

@@ -18,12 +18,12 @@ from pdmesh.model.document import Displacement, Load, Run, Static
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
 from pdsolve.options import Options
+from pdsolve.rest.equilibrium import NotConvergedError, force_densities
+from pdsolve.rest.static_loads import model_with_load_steps
 from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
 from pdsolve.run.system import PreparedRun
-from pdsolve.steppers.equilibrium import NotConvergedError, force_densities
-from pdsolve.steppers.static_loads import model_with_load_steps
 
 STEEL = msgspec.structs.replace(
     GLASS, E=200e9, nu=0.3, plane="strain", model="correspondence", solid="j2", failure="none", yield_stress=250e6

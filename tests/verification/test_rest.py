@@ -20,17 +20,17 @@ from pdsolve.bonds.assembly import BondSource, Part
 from pdsolve.conditions import put_loads
 from pdsolve.model import Model
 from pdsolve.options import Options
+from pdsolve.rest.equilibrium import EquilibriumConditions
+from pdsolve.rest.load_steps import LoadSteps
+from pdsolve.rest.newton import Newton
+from pdsolve.rest.relaxation import DynamicRelaxation, smallest_stable_mass
+from pdsolve.rest.static_loads import model_with_load_steps
 from pdsolve.run.at_rest import prepare_quasi_static_run
 from pdsolve.run.system import PreparedRun
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.average_horizon import Corrections, fill
 from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
-from pdsolve.steppers.equilibrium import EquilibriumConditions
-from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.steppers.newton import Newton
-from pdsolve.steppers.relaxation import DynamicRelaxation, smallest_stable_mass
-from pdsolve.steppers.static_loads import model_with_load_steps
 
 UNIT = msgspec.structs.replace(GLASS, E=1.0, G0=1e9, micromodulus="constant")
 ONE = Options(threads=1)

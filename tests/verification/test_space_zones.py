@@ -19,12 +19,12 @@ from pdsolve.adaptivity.hybrid.space.prepare import SEAM, compute_vertex_force_r
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
+from pdsolve.rest.equilibrium import force_densities
 from pdsolve.results import Results
 from pdsolve.run.body_zones import expect_body_zone_operator
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.state import zero_state
-from pdsolve.steppers.equilibrium import force_densities
 from pdsolve.zone.cells import COARSE, FINE
 
 

@@ -8,10 +8,10 @@ from plates import square_grid
 from scipy.sparse import csr_array
 
 from pdsolve.operators.tangent import of_springs
+from pdsolve.rest import factors
+from pdsolve.rest.factors import FactorsWithoutBonds, factorize
+from pdsolve.rest.modes import SupportChecker, find_loose_bodies
 from pdsolve.state import Broken
-from pdsolve.steppers import factors
-from pdsolve.steppers.factors import FactorsWithoutBonds, factorize
-from pdsolve.steppers.rigid_body_modes import SupportChecker, find_loose_bodies
 
 COLUMNS, ROWS = 9, 7
 PLACE = square_grid(COLUMNS, ROWS, 1.0).position

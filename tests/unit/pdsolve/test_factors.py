@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array, diags_array
 
-from pdsolve.steppers.factors import CHANGED, ReusedFactors, Submatrix
+from pdsolve.rest.factors import CHANGED, ReusedFactors, Submatrix
 
 
 def chain(softening: float, springs: int, all_by: float = 0.0, count: int = 401) -> csr_array:

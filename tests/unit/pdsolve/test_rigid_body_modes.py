@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pdsolve.steppers.rigid_body_modes import find_loose_bodies
+from pdsolve.rest.modes import find_loose_bodies
 
 
 def slab(*counts: int, spacing: float = 1e-3) -> np.ndarray:

@@ -1,8 +1,8 @@
-"""What grows in prescribed steps along an equilibrium path: the energy that bonds spend, or a monitored opening."""
+"""Places on an equilibrium path, and what grows in prescribed steps along it: energy spent, or a monitored opening."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,17 @@ from numpy.typing import NDArray
 from pdsolve.operators.softening_bonds import Response, SofteningBonds
 
 Array = NDArray[np.float64]
+
+
+class PathPoint(NamedTuple):
+    """A place on the path."""
+
+    displacement: Array  # (n, d) m
+    load_factor: float  # lambda
+    energy_or_arc_length: float  # J/m that bonds have dissipated, or m along the path
+
+
+PathSolution = tuple[PathPoint, int, float]  # a place on the path, iterations and residual
 
 
 class PathControl(Protocol):

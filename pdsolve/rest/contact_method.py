@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.protocol import Operator
-from pdsolve.state import State
-from pdsolve.steppers.equilibrium import (
+from pdsolve.rest.controls import PathPoint, PathSolution
+from pdsolve.rest.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
     EquilibriumMethod,
@@ -19,8 +19,8 @@ from pdsolve.steppers.equilibrium import (
     force_densities,
     relative_residual,
 )
-from pdsolve.steppers.path_following import PathPoint, PathSolution
-from pdsolve.steppers.rigid_body_modes import Pairs
+from pdsolve.rest.modes import Pairs
+from pdsolve.state import State
 
 LOOKS = 10  # at one equilibrium
 STAYS = 1e-3  # residual of an equilibrium for normals and weights of that place: these are good then

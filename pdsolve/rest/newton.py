@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.operators.protocol import Operator
-from pdsolve.state import State
-from pdsolve.steppers.equilibrium import (
+from pdsolve.rest.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
     NotConvergedError,
@@ -30,7 +29,8 @@ from pdsolve.steppers.equilibrium import (
     reference_stiffness_above_round_off,
     relative_residual,
 )
-from pdsolve.steppers.factors import FactorsWithoutBonds, count_negative_eigenvalues, factorize
+from pdsolve.rest.factors import FactorsWithoutBonds, count_negative_eigenvalues, factorize
+from pdsolve.state import State
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

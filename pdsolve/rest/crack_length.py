@@ -23,11 +23,11 @@ from numpy.typing import NDArray
 from pdsolve.conditions import Drive, put_loads
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
+from pdsolve.rest.equilibrium import Equilibrium, NotConvergedError, force_densities
+from pdsolve.rest.growing_cracks import CrackedBodySnapshot, CrackGrowth, EvaluatedTip, stress_intensities_of_tips
+from pdsolve.rest.load_steps import LoadSteps
+from pdsolve.rest.path import REACHED, PathStepper
 from pdsolve.state import Broken, State
-from pdsolve.steppers.equilibrium import Equilibrium, NotConvergedError, force_densities
-from pdsolve.steppers.growing_cracks import CrackedBodySnapshot, CrackGrowth, EvaluatedTip, stress_intensities_of_tips
-from pdsolve.steppers.load_steps import LoadSteps
-from pdsolve.steppers.path_stepper import REACHED, PathStepper
 
 Array = NDArray[np.float64]
 

@@ -25,10 +25,8 @@ from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
-from pdsolve.state import Broken, State
-from pdsolve.stepper import LoadStepProgress, Stepper
-from pdsolve.steppers.contact_method import EquilibriumMethodWithContact, append_contact_pairs
-from pdsolve.steppers.equilibrium import (
+from pdsolve.rest.contact_method import EquilibriumMethodWithContact, append_contact_pairs
+from pdsolve.rest.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
     EquilibriumMethod,
@@ -37,7 +35,9 @@ from pdsolve.steppers.equilibrium import (
     force_densities,
     norm,
 )
-from pdsolve.steppers.rigid_body_modes import LooseBodies, SupportChecker, describe_unbalanced_body, find_loose_bodies
+from pdsolve.rest.modes import LooseBodies, SupportChecker, describe_unbalanced_body, find_loose_bodies
+from pdsolve.state import Broken, State
+from pdsolve.stepper import LoadStepProgress, Stepper
 
 Array = NDArray[np.float64]
 

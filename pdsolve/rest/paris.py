@@ -27,17 +27,17 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Fatigue
 from pdsolve.checkpoint_validation import entry
 from pdsolve.operators.protocol import Operator
-from pdsolve.state import Broken, State
-from pdsolve.steppers.cycle_steps import CycleSteps
-from pdsolve.steppers.equilibrium import Equilibrium, NotConvergedError
-from pdsolve.steppers.growing_cracks import (
+from pdsolve.rest.equilibrium import Equilibrium, NotConvergedError
+from pdsolve.rest.fatigue import CycleSteps
+from pdsolve.rest.growing_cracks import (
     CrackedBodySnapshot,
     CrackGrowth,
     EvaluatedTip,
     largest_relative_difference_of_K_and_J,
     stress_intensities_of_tips,
 )
-from pdsolve.steppers.load_steps import LoadSteps
+from pdsolve.rest.load_steps import LoadSteps
+from pdsolve.state import Broken, State
 
 ALIKE = 1e-6  # of a particle: tips this near to the end of theirs grow together
 STEEPEST = 2.0  # of r to that of the step before

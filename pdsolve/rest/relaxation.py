@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.operators.protocol import Operator
-from pdsolve.state import State
-from pdsolve.steppers.equilibrium import (
+from pdsolve.rest.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
     EquilibriumMethod,
@@ -27,6 +26,7 @@ from pdsolve.steppers.equilibrium import (
     reference_stiffness_above_round_off,
     relative_residual,
 )
+from pdsolve.state import State
 
 MOST = 100_000  # iterations
 CAP = 1.9  # of the damping, as 2 would stop every motion

@@ -18,9 +18,9 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, put_loads
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelWarning
+from pdsolve.rest.load_steps import prescribed_displacements
 from pdsolve.state import Broken, State
 from pdsolve.stepper import Stepper
-from pdsolve.steppers.load_steps import prescribed_displacements
 
 Array = NDArray[np.float64]
 

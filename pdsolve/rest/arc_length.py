@@ -24,13 +24,13 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, put_loads
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
+from pdsolve.rest.continuation import CRACK_STEPS, work_of_last_path_step
+from pdsolve.rest.controls import PathPoint, PathSolution
+from pdsolve.rest.equilibrium import NotConvergedError, area_weighted_tangent, force_densities, norm
+from pdsolve.rest.factors import factorize
+from pdsolve.rest.path import REACHED, PathStepper
 from pdsolve.state import Broken, State
 from pdsolve.stepper import LoadStepProgress
-from pdsolve.steppers.equilibrium import NotConvergedError, area_weighted_tangent, force_densities, norm
-from pdsolve.steppers.factors import factorize
-from pdsolve.steppers.path_following import PathPoint, PathSolution
-from pdsolve.steppers.path_stepper import REACHED, PathStepper
-from pdsolve.steppers.path_steps import CRACK_STEPS, work_of_last_path_step
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

@@ -1,0 +1,1 @@
+"""Bodies at rest: equilibria, load steps, paths and lives under cycles."""
