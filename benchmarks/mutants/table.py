@@ -339,7 +339,7 @@ MUTANTS = (
         "pdsolve/rest/modes.py",
         "        if not all(np.isin(near[i], near[j]).any()",
         "        if False and not all(np.isin(near[i], near[j]).any()",
-        f"{UNIT}/test_downdated_tangent.py::test_bodies_that_stay_supported_are[True]",
+        f"{UNIT}/test_factors_without_bonds.py::test_bodies_that_stay_supported_are[True]",
     ),
     Mutant(
         "pdmesh/grid/cubic.py",

@@ -207,33 +207,33 @@ class ReusedFactors:
 class FactorsWithoutBonds:
     """Factors of the tangent of a body, and solutions without the bonds that have broken since.
 
-    A bond between nodes i and j adds k b b^T to the tangent, b being n at i and -n at j, of its direction n and of the
-    largest eigenvalue k of what it adds to the block of i and j. What is left of it, across n, is some percent under
-    the strains at which bonds break, and iterations correct it.
+    A bond of node i with j adds k n n^T to what is at i, and takes it from what is between i and j: n is its direction
+    and k the largest eigenvalue of its block. What is left of it, across n, is some percent under the strains at which
+    bonds break, and iterations correct it.
     """
 
     def __init__(self, tangent: csr_array, free: NDArray[np.bool_], broken_bonds: Broken) -> None:
-        """`tangent` (n w, n w) is symmetric, without `broken_bonds`; `free` (n, w) components get factors.
+        """`tangent` (n w, n w) is without `broken_bonds`; `free` (n, w) components get factors.
 
-        Raises RuntimeError for a singular tangent.
+        It is symmetric, or nearly so, as that of one-sided bonds is. Raises RuntimeError for a singular one.
         """
         self.tangent, (self._nodes, self._width) = tangent, free.shape
         inner = free.ravel()
         self._factors = ReusedFactors(tangent[inner][:, inner])
         self._row = np.where(inner, np.cumsum(inner) - 1, -1).reshape(free.shape)
-        self._at_start = self._known = self._pair_ids(broken_bonds)
+        self._at_start = self._known = self._bond_ids(broken_bonds)
 
     def remove_bonds(self, broken_bonds: Broken) -> bool:
         """Take these for broken; False if they are too many, or if one is there again."""
-        pairs, before = self._pair_ids(broken_bonds), self._known
-        self._known, new = pairs, np.setdiff1d(pairs, before)
-        if len(np.setdiff1d(before, pairs)):
+        before, self._known = self._known, self._bond_ids(broken_bonds)
+        new = np.setdiff1d(self._known, before)
+        if len(np.setdiff1d(before, self._known)):
             return False
         return not len(new) or self._factors.add_change(*self._change_without(new))
 
     def restart_without_bonds(self, broken_bonds: Broken) -> bool:
         """Take these for broken, whatever was solved before; False if they are too many."""
-        self._known = self._pair_ids(broken_bonds)
+        self._known = self._bond_ids(broken_bonds)
         components, change = self._change_without(np.setdiff1d(self._known, self._at_start))
         if len(np.setdiff1d(self._at_start, self._known)) or not self._factors.keep_components(components):
             return False
@@ -243,28 +243,27 @@ class FactorsWithoutBonds:
         """The solution for a right side (k,), roughly."""
         return np.asarray(self._factors.solve_approximately(right_side[:, None])[:, 0])
 
-    def _pair_ids(self, broken_bonds: Broken) -> Index:
-        """A number for each pair of nodes, whichever of them comes first, in order."""
-        source, target = broken_bonds.source, broken_bonds.target
-        return np.unique(np.minimum(source, target) * self._nodes + np.maximum(source, target))
+    def _bond_ids(self, broken_bonds: Broken) -> Index:
+        """A number for each bond of a node, in order."""
+        return np.unique(broken_bonds.source * self._nodes + broken_bonds.target)
 
-    def _change_without(self, pairs: Index) -> tuple[Index, Array]:
-        """Free components (q,), and the change (q, q) of the tangent there, without these pairs of nodes."""
-        if not len(pairs):
-            return pairs, np.zeros((0, 0))
-        axes = np.arange(self._width)
-        ends = np.stack(np.divmod(pairs, self._nodes), axis=1)  # (p, 2)
-        rows, columns = (self._width * node[:, None] + axes for node in ends.T)
-        places = np.repeat(rows, self._width, axis=1).ravel(), np.tile(columns, self._width).ravel()
-        block = -np.asarray(self.tangent[places]).reshape(len(pairs), self._width, self._width)
-        values, vectors = np.linalg.eigh(block)
-        way = np.concatenate([vectors[:, :, -1], -vectors[:, :, -1]], axis=1)  # (p, 2 w)
-        change = -np.maximum(values[:, -1], 0.0)[:, None, None] * way[:, :, None] * way[:, None, :]
-        at = self._row[ends].reshape(len(pairs), -1)
+    def _change_without(self, bonds: Index) -> tuple[Index, Array]:
+        """Free components (q,), and the change (q, q) of the tangent there, without these bonds of nodes."""
+        if not len(bonds):
+            return bonds, np.zeros((0, 0))
+        w, axes = self._width, np.arange(self._width)
+        ends = np.stack(np.divmod(bonds, self._nodes), axis=1)  # (b, 2)
+        rows, columns = (w * node[:, None] + axes for node in ends.T)
+        places = np.repeat(rows, w, axis=1).ravel(), np.tile(columns, w).ravel()
+        values, vectors = np.linalg.eigh(-np.asarray(self.tangent[places]).reshape(len(bonds), w, w))
+        n = vectors[:, :, -1]
+        block = np.maximum(values[:, -1], 0.0)[:, None, None] * n[:, :, None] * n[:, None, :]
+        change = np.concatenate([-block, block], axis=2)  # (b, w, 2 w): at the node, and between both
+        at = self._row[ends].reshape(len(bonds), -1)
         components = np.unique(at[at >= 0])
-        is_free = (at[:, :, None] >= 0) & (at[:, None, :] >= 0)
+        is_free = (at[:, :w, None] >= 0) & (at[:, None, :] >= 0)
         place = np.searchsorted(components, at)
-        row, column = np.broadcast_arrays(place[:, :, None], place[:, None, :])
+        row, column = np.broadcast_arrays(place[:, :w, None], place[:, None, :])
         total = np.zeros((len(components), len(components)))
         np.add.at(total, (row[is_free], column[is_free]), change[is_free])
         return components, total

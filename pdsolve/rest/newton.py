@@ -84,7 +84,7 @@ class Newton:
         way = "factors" if self._factored else "conjugate gradients" if operator.symmetric else "BiCGStab"
         self.description = f"Newton's method with {way}"
         self._floating: NDArray[np.bool_] | None = None  # (n,) nodes that are held softly
-        self._pairs = forces_are_pairwise and operator.symmetric and self._factored
+        self._pairs = forces_are_pairwise and self._factored
         self._no_bonds_broken = operator.broken()
         self._reference: FactorsWithoutBonds | None = None  # of the body as it was made
         self.reference_is_near = True  # whether its tangent serves for all load steps
@@ -109,8 +109,7 @@ class Newton:
             operator.restore(checkpoint, self._no_bonds_broken)
             undeformed = state._replace(value=np.zeros(state.value.shape))
             try:
-                matrix = self._symmetric_part_of_weighted_tangent(undeformed)
-                self._reference = FactorsWithoutBonds(matrix, free, self._no_bonds_broken)
+                self._reference = FactorsWithoutBonds(self._tangent(undeformed), free, self._no_bonds_broken)
             except RuntimeError:
                 self.reference_is_near = False
             operator.restore(checkpoint, broken)
@@ -133,7 +132,7 @@ class Newton:
         if not (self._factored and self._operator.symmetric) or self._floating is not None:
             return 0
         self.discard_reused_tangent()  # whose factors would be there beside these
-        matrix, free = self._symmetric_part_of_weighted_tangent(state), ~constrained.ravel()
+        matrix, free = self._tangent(state), ~constrained.ravel()
         return count_negative_eigenvalues(matrix[free][:, free])
 
     def solve_equilibrium(
@@ -259,8 +258,7 @@ class Newton:
         from scipy.sparse.linalg import bicgstab, cg
 
         symmetric = self._operator.symmetric
-        matrix = self._symmetric_part_of_weighted_tangent(state) if symmetric else self._operator.tangent(state).tocsr()
-        self._matrix = matrix
+        matrix = self._matrix = self._tangent(state)
         if self._floating is not None and self._floating.any():
             soft = (
                 SOFT
@@ -290,8 +288,10 @@ class Newton:
                 " (--float)"
             ) from None
 
-    def _symmetric_part_of_weighted_tangent(self, state: State) -> csr_array:
-        """The symmetric part of the tangent times the nodes' areas, N/m^2."""
+    def _tangent(self, state: State) -> csr_array:
+        """The tangent; if it is symmetric, times the nodes' areas, N/m^2, without round-off that is not."""
+        if not self._operator.symmetric:
+            return self._operator.tangent(state).tocsr()
         matrix = area_weighted_tangent(self._operator, self._area, state)
         return ((matrix + matrix.T) / 2).tocsr()
 

@@ -65,6 +65,20 @@ def test_a_solution_without_bonds_is_that_of_new_factors() -> None:
             assert lost.solve(right) == pytest.approx(exact(right), rel=1e-9, abs=1e-9)
 
 
+def test_a_bond_of_one_node_alone_may_break() -> None:
+    """As bonds of fine and coarse nodes do in the mode thesis: the matrix is not symmetric then."""
+    source, target = joined()
+    free, rest = np.repeat(PLACE[:, 1:] > 0, 2, axis=1), np.zeros((NODES, 2))
+    inner = free.ravel()
+    lost = FactorsWithoutBonds(stiffness(source, target, rest), free, broken(NONE))
+    one_sided = (source == 40) & (target == 41)
+    assert lost.remove_bonds(Broken(np.ones(1, dtype=np.int64), source[one_sided], target[one_sided]))
+    matrix = stiffness(source[~one_sided], target[~one_sided], rest)[inner][:, inner]
+    assert abs(matrix - matrix.T).max() > 0.1
+    right = np.random.default_rng(2).normal(size=int(inner.sum()))
+    assert lost.solve(right) == pytest.approx(factorize(matrix, symmetric=False)(right), rel=1e-9, abs=1e-9)
+
+
 def test_right_sides_of_broken_bonds_take_no_factors() -> None:
     """Those of other nodes do."""
     source, target = joined()
