@@ -58,8 +58,8 @@ class Breakable(NamedTuple):
     def break_worst(self, operator: Operator, state: State, step: int) -> float:
         """Break the most overstretched."""
         stretches = self.stretches(state.value)
-        over = np.where(self.intact, stretches / self.limit, 0.0)
-        most = float(over.max(initial=0.0))
+        over = np.empty(len(stretches))
+        most = float(_set_overloads(stretches, self.limit, self.intact, over))
         which = np.flatnonzero(over > max(1.0, (1 - TIE) * most))
         if not len(which):
             return 0.0
@@ -107,6 +107,16 @@ def _stretch(source, target, xi, strain, value, out):  # type: ignore[no-untyped
             square += x * x
         e = more / square
         out[k] = e / (np.sqrt(1 + e) + 1)
+
+
+@cached_njit(error_model="numpy")
+def _set_overloads(stretches, limit, intact, out):  # type: ignore[no-untyped-def]
+    """Set `out` (b,) to stretches over their limits, 0 of broken bonds; returns the largest, 0 at least."""
+    most = 0.0
+    for k in range(len(stretches)):
+        out[k] = stretches[k] / limit[k] if intact[k] else 0.0
+        most = max(most, out[k])
+    return most
 
 
 class FamilyBonds:

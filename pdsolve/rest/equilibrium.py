@@ -42,6 +42,7 @@ class Equilibrium(NamedTuple):
 
     iterations: int
     residual: float  # what is left of the forces over those from outside
+    neighbour_forces: NDArray[np.float64] | None = None  # (n, w) N/m^3 there, where the method has them
 
 
 class EquilibriumMethod(Protocol):

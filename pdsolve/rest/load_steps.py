@@ -174,7 +174,7 @@ class LoadSteps(Stepper):
         at = np.where(self.held, prescribed_displacements(self._drive, time), 0.0)
         conditions = EquilibriumConditions(self._drive.force.astype(float), self.held, at, self._inner)
         equilibrium = self.method.solve_equilibrium(state, conditions, self._make_progress_callback(step, 0))
-        self._store_reactions_and_stop_motion(state)
+        self._store_reactions_and_stop_motion(state, force_densities(self._operator, state))
         return equilibrium
 
     def raise_if_a_body_lacks_supports(self) -> None:
@@ -260,7 +260,7 @@ class LoadSteps(Stepper):
                 continue
             done, iterations = end, iterations + equilibrium.iterations
             part *= GROWTH if equilibrium.iterations < 2 * FEW else 1.0
-        self._store_reactions_and_stop_motion(state)
+        self._store_reactions_and_stop_motion(state, force_densities(self._operator, state))
         return Equilibrium(iterations, equilibrium.residual)
 
     def _limit_load_error(self, error: NotConvergedError, state: State, converged_share: float) -> NotConvergedError:
@@ -356,14 +356,16 @@ class LoadSteps(Stepper):
         equilibrium = self.method.solve_equilibrium(
             state, conditions, self._make_progress_callback(step, iterations_before)
         )
-        end, way = state.value.copy(), state.value - u
-        for values in ((u + end) / 2, end):
-            state.value[:] = values
-            residual_forces.append(self._residual_forces(state, load))
+        end, way, forces = state.value.copy(), state.value - u, equilibrium.neighbour_forces
+        state.value[:] = (u + end) / 2
+        residual_forces.append(self._residual_forces(state, load))
+        state.value[:] = end
+        forces = force_densities(self._operator, state) if forces is None else forces
+        residual_forces.append(np.where(self.held, 0.0, forces + load))
         state.damped[:] += ((residual_forces[0] + 4 * residual_forces[1] + residual_forces[2]) / 6 * way).sum(axis=1)
         state.work[:] += (load * way).sum(axis=1)
-        self._store_reactions_and_stop_motion(state)
-        return equilibrium
+        self._store_reactions_and_stop_motion(state, forces)
+        return equilibrium._replace(neighbour_forces=None)
 
     def _residual_forces(self, state: State, load: Array) -> Array:
         return np.where(self.held, 0.0, force_densities(self._operator, state) + load)
@@ -372,10 +374,10 @@ class LoadSteps(Stepper):
         """External force densities (n, w): loads, and reactions of held components."""
         return np.where(self.held, -force_densities(self._operator, state), load)
 
-    def _store_reactions_and_stop_motion(self, state: State) -> None:
+    def _store_reactions_and_stop_motion(self, state: State, neighbour_forces: Array) -> None:
         """Store reactions, and set the motion to zero."""
         node, axis = self._drive.holds.node, self._drive.holds.axis
-        self._drive.held_force[:] = (force_densities(self._operator, state) + self._drive.force)[node, axis]
+        self._drive.held_force[:] = (neighbour_forces + self._drive.force)[node, axis]
         self._drive.before[:] = self._drive.force
         state.rate[:] = state.second[:] = 0
 

@@ -193,7 +193,7 @@ class Newton:
             if residual < max(self._tolerance, conditions.sufficient_residual):
                 if done - iterations_before > NEARLY_LINEAR:
                     self.discard_reused_tangent()
-                return Equilibrium(done, residual), done
+                return Equilibrium(done, residual, out), done
             report_progress(done, residual)
             if done == iterations_before + self._most or not np.isfinite(residual):
                 break
@@ -233,7 +233,7 @@ class Newton:
             residual = relative_residual(state, conditions, out, self._least, self._before)
             rest = (out + conditions.body_force)[free]
             if residual < max(self._tolerance, conditions.sufficient_residual):
-                return Equilibrium(done, residual), done
+                return Equilibrium(done, residual, out), done
             report_progress(done, residual)
             if residual < FALL * milestone:
                 milestone, reached = residual, done
