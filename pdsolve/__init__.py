@@ -10,10 +10,10 @@ from pdmesh.lazy_imports import lazily
 
 if TYPE_CHECKING:
     from pdsolve.errors import UnstableError
+    from pdsolve.estimate import Plan, estimate_run, estimate_size
     from pdsolve.model import Model, ModelError, ModelWarning, read_model
     from pdsolve.options import Options
     from pdsolve.results import Results, ResultsError
-    from pdsolve.run.estimate import Plan, estimate_run, estimate_size
     from pdsolve.run.progress import Watch
     from pdsolve.run.simulation import resume, simulate
     from pdsolve.schemes import bond_pairs
@@ -30,7 +30,7 @@ else:
             "ModelError": "pdsolve.model",
             "ModelWarning": "pdsolve.model",
             "Options": "pdsolve.options",
-            "Plan": "pdsolve.run.estimate",
+            "Plan": "pdsolve.estimate",
             "Results": "pdsolve.results",
             "ResultsError": "pdsolve.results",
             "Study": "pdsolve.study.description",
@@ -39,8 +39,8 @@ else:
             "UnstableError": "pdsolve.errors",
             "Watch": "pdsolve.run.progress",
             "bond_pairs": "pdsolve.schemes",
-            "estimate_run": "pdsolve.run.estimate",
-            "estimate_size": "pdsolve.run.estimate",
+            "estimate_run": "pdsolve.estimate",
+            "estimate_size": "pdsolve.estimate",
             "plan_study": "pdsolve.study.plan",
             "read_model": "pdsolve.model",
             "read_study": "pdsolve.study.description",

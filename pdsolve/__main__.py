@@ -22,8 +22,8 @@ from pdsolve.run.progress import Watch
 
 if TYPE_CHECKING:
     from pdmesh.model.document import Settings
+    from pdsolve.estimate import Plan
     from pdsolve.numerics.team import Team
-    from pdsolve.run.estimate import Plan
 
 
 NAMES = {"assignments": "--set", "one_file": "--one-file-up-to"}  # of options whose arguments are called otherwise
@@ -212,7 +212,7 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
                 raise commandline.UsageError("--float is for equilibrium; use --static or run.start static with it")
             _refuse_unused(args, model.settings)
             if args.dry_run:
-                from pdsolve.run.estimate import estimate_run
+                from pdsolve.estimate import estimate_run
 
                 return _show_plan(estimate_run(model, options), args)
             output = args.output or Path(args.model.stem + ".sqlite")
@@ -364,9 +364,9 @@ def _show_plan(plan: Plan, args: argparse.Namespace) -> int:
 
 def _show_what_is_left(path: Path, args: argparse.Namespace) -> int:
     """Show the cost of continuing a run; returns the exit code. Raises ResultsError if it cannot continue."""
+    from pdsolve.estimate import estimate_run
     from pdsolve.model import model_of
     from pdsolve.results import Results, StateKind, state_of
-    from pdsolve.run.estimate import estimate_run
     from pdsolve.run.simulation import options_from_metadata
 
     state = state_of(path)

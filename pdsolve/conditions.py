@@ -20,6 +20,7 @@ from pdmesh.model.document import (
     Load,
     Pin,
     RigidBody,
+    Settings,
     Spring,
     Velocity,
 )
@@ -117,9 +118,20 @@ def _set_free(model: Model, velocity: NDArray[np.float64]) -> None:
             velocity[rows, :d] = rigid_velocities(condition, model.grid.position[rows], model.grid.cells[rows])
 
 
+def has_conditions(settings: Settings, *kinds: type) -> bool:
+    """Whether there are conditions of one of these kinds."""
+    return any(isinstance(condition, kinds) for condition in settings.conditions)
+
+
+def driving_conditions(model: Model) -> list[tuple[int, Driving]]:
+    """The conditions that act throughout a run, each with its number among all."""
+    numbered = enumerate(model.settings.conditions)
+    return [(number, condition) for number, condition in numbered if isinstance(condition, Driving)]
+
+
 def has_initial_displacement(model: Model) -> bool:
     """Whether nodes are displaced at time 0."""
-    return any(isinstance(condition, InitialDisplacement) for condition in model.settings.conditions)
+    return has_conditions(model.settings, InitialDisplacement)
 
 
 def initial_displacement(model: Model, drive: Drive, width: int) -> NDArray[np.float64]:
@@ -210,9 +222,7 @@ def drive(
     profiles: list[Sequence[tuple[float, float]]] = []
     loads: list[Entries] = []
     holds: list[Entries] = []
-    for condition in model.settings.conditions:
-        if not isinstance(condition, Driving):
-            continue
+    for _, condition in driving_conditions(model):
         rows, number = model.selected(condition), len(profiles)
         rows = rows[(rows >= begin) & (rows < end)]
         if isinstance(condition, Load) and condition.shares is not None and not loads_are_shared:

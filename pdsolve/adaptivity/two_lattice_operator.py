@@ -118,6 +118,18 @@ class TwoLatticeOperator(ABC, Generic[N]):
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
 
+    @abstractmethod
+    def bonds(
+        self, first_row: int = 0, end_row: int | None = None, at_start: bool = False
+    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Source and target rows (k,) of the intact bonds of some nodes; see `Operator`."""
+
+    def bonds_of(self, rows: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Source and target rows (k,) of the intact bonds of these nodes, which increase, in order."""
+        source, target = self.bonds(int(rows[0]), int(rows[-1]) + 1) if len(rows) else np.zeros((2, 0), dtype=np.int64)
+        is_wanted = np.isin(source, rows)
+        return source[is_wanted], target[is_wanted]
+
     def state(self) -> State:
         """The state of the current nodes."""
         state = zero_state(len(self.places), 2, self.kind)

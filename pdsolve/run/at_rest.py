@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
 
@@ -77,7 +78,7 @@ def prepare_quasi_static_run(
     if contact is not None:
         method = EquilibriumMethodWithContact(method, operator, contact)
     breakable = no_fail.breakable() if bonds_may_break and law.pair is not None else None
-    breaking = FamilyBonds(bonds) if of_families and isinstance(bonds, BondList) else breakable
+    breaking = FamilyBonds(cast("BondList", bonds)) if of_families else breakable  # which are listed
     remember = {"on_equilibrium": bonds.update_history} if isinstance(bonds, BondList) else {}
     growth = make_crack_particle_growth(model, bonds, filling, driven, None) if grows else None
     fatigue, look = model.settings.run.fatigue, growth.look if growth and not uses_crack_length_control(model) else None

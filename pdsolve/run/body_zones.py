@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,8 +71,7 @@ class BodyCellRefinement(Regridder):
 
 def expect_body_zone_operator(system: System) -> HybridBodyOperator:
     """The operator of such a run."""
-    assert isinstance(system.operator, HybridBodyOperator)
-    return system.operator
+    return cast("HybridBodyOperator", system.operator)
 
 
 def _system_with_refined_operator(system: System, operator: HybridBodyOperator, step: int) -> System:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -139,5 +139,4 @@ class CellSplitting(Regridder):
 
 def expect_quadtree_operator(system: System) -> QuadtreeOperator:
     """The operator of such a run."""
-    assert isinstance(system.operator, QuadtreeOperator)
-    return system.operator
+    return cast("QuadtreeOperator", system.operator)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Pin, RigidBody, Selection, Spring
 from pdmesh.model.neighbours import lengths
 from pdmesh.model.output_fields import USUAL, usual
-from pdsolve.conditions import Driving, factor_now
+from pdsolve.conditions import driving_conditions, factor_now
 from pdsolve.numerics.ordered_sums import Branches, branches, total
 from pdsolve.operators.ground_supports import supports_of
 from pdsolve.run.system import System
@@ -242,8 +242,7 @@ def list_force_conditions_with_nodes(
     first, end, _ = local_rows.indices(len(system.model.grid))
     return tuple(
         ForceConditionWithNodes(number, str(condition.__struct_config__.tag), rows[(rows >= first) & (rows < end)])
-        for number, condition in enumerate(system.requested_model.settings.conditions)
-        if isinstance(condition, Driving)
+        for number, condition in driving_conditions(system.requested_model)
         for rows in (_find_nodes_of_condition(system, condition),)
     )
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 from pdsolve.checks import warn
 from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.run.system import System
@@ -13,8 +15,9 @@ RESOLVED = 4.0  # spacings: half-width from which on it is Hertz's
 def warn_of_unresolved_contact_width(system: System, state: State) -> None:
     """Warn of the narrowest contact of two round bodies under the largest force of a run at rest."""
     contact, bodies = system.contact, system.model.grid.bodies
-    if not isinstance(contact, RestingContact) or bodies is None:
+    if contact is None or bodies is None or system.model.settings.run.solver != "static":
         return
+    contact = cast("RestingContact", contact)  # as at rest
     contact.measure_widths(state)
     narrow = {pair: width.half for pair, width in contact.widths.items() if width.half < RESOLVED}
     if narrow:

@@ -10,9 +10,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.run.system import (
+    Ends,
     PreparedRun,
     RefinementThresholdFromStep,
     Regridder,
@@ -68,6 +70,11 @@ class MovingZone(Regridder):
         operator.restore(checkpoint, operator.broken())
         change = create_system_if_zone_changed(initial_system)
         return PreparedRun(initial_system, operator.state()) if change is None else PreparedRun(*change[:2])
+
+    def bonds_of_rows(self, system: System, rows: NDArray[np.int64]) -> list[Ends]:
+        """Source and target rows of the intact bonds of these nodes, which increase."""
+        assert system.moving_zone_operator is not None
+        return [system.moving_zone_operator.bonds_of(rows)]
 
     def zone_summary(self, system: System) -> ZoneSummary | None:
         """Summary of the fine zone."""

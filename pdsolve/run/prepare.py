@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,11 +19,9 @@ from pdsolve.adaptivity.two_lattice_operator import TwoLatticeStepper
 from pdsolve.checks import refuse_combinations, refuse_numbers
 from pdsolve.conditions import constrained_components, damping, initial_velocity, refuse_layers
 from pdsolve.diffusion import system as diffusion
-from pdsolve.diffusion.swelling import BrokenBonds, Swelling, cycle_of
-from pdsolve.lattice.operator import BlockLattice
+from pdsolve.diffusion.swelling import BrokenBonds, Swelling, Swollen, cycle_of
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import cores, useful_threads
-from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.together import unwrap_bond_operator
 from pdsolve.options import Options, threads_of
 from pdsolve.rest.equilibrium import force_densities
@@ -137,8 +136,7 @@ def _prepare_swelling_motion(model: Model, options: Options, scheme: Scheme) -> 
         system, state = prepare_explicit_motion(model.moving_part(), options, scheme, bonds_swell=True)
     content = _prepare_diffusion(model.diffusing_part(system.time_step), Options(threads=options.threads))
     transport, marches, cycle = content.system.transport, content.system.stepper, 1
-    bonds = unwrap_bond_operator(system.operator)
-    assert isinstance(bonds, BondList | BlockLattice)
+    bonds = cast("Swollen", unwrap_bond_operator(system.operator))
     assert transport is not None
     if not rests:
         cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
@@ -162,8 +160,7 @@ def _prepare_swelling_motion(model: Model, options: Options, scheme: Scheme) -> 
 def _prepare_swelling_plate_with_zone(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A plate with a moving fine zone that a content swells. Raises ModelError for what cannot be solved so."""
     system, _ = _prepare_plate_with_moving_zone(model, options, scheme)
-    operator, medium = system.operator, model.settings.medium
-    assert isinstance(operator, HybridOperator)
+    operator, medium = cast("HybridOperator", system.operator), model.settings.medium
     assert medium is not None
     content = _prepare_diffusion(model.diffusing_part(system.time_step), Options(threads=system.options.threads))
     transport = content.system.transport

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Absorb
-from pdsolve.conditions import damping, drive, initial_velocity
+from pdsolve.conditions import damping, drive, has_conditions, initial_velocity
 from pdsolve.model import Model
 from pdsolve.numerics.ordered_sums import Branches, branches, total
 from pdsolve.numerics.team import Team
@@ -58,8 +58,7 @@ def prepare_run_on_ranks(model: Model, options: Options, team: Team) -> Prepared
     undamped = stable_time_step_from_stiffness_bound(largest, np.ones(1))
     bound = damped_stable_time_step(undamped, model.settings.run.damping_time)
     step = choose_time_step(model, bound)
-    layers = any(isinstance(condition, Absorb) for condition in model.settings.conditions)
-    listed = layers and model.grid.lattice is None
+    listed = has_conditions(model.settings, Absorb) and model.grid.lattice is None
     damped = [damping(model, slab.begin, slab.end) if listed else None for slab in slabs]
     plain, full_model = options._replace(team=None), None if model.grid.lattice is None else model
     begun = team.everywhere(prepare_rank_system, plain, step, bound, full_model, items=damped)

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from pdmesh import VERSION
 from pdmesh.model.amounts import pair_count
 from pdmesh.model.node_grid import Grid
-from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.codegen.compile_time import processor_kind, running_time
 from pdsolve.diffusion.masses import MassAccounts
 from pdsolve.numerics.team import Team
@@ -36,7 +35,6 @@ from pdsolve.run.subdomain import Subdomain, team_of
 from pdsolve.run.system import System, SystemAfterNodeChange
 from pdsolve.state import Broken, State
 
-GAP = 64  # rows between born nodes whose bonds are asked for together
 BATCH = 64 * CHUNK  # nodes that many ranks are asked for together
 KEPT = 1.0  # s between checkpoints in full precision, with frames
 OLD = 10.0  # s, with entries of the ledger
@@ -47,11 +45,7 @@ def collect_born_nodes_and_families(
 ) -> tuple[Nodes, Families]:
     """Nodes born after `step`, `born_rows` (b,) of a set of nodes, and their remaining bonds; `rows_in_results` (n,) as
     in `FrameRecord`."""
-    if isinstance(system.operator, HybridOperator):
-        ends = [system.operator.bonds_of(born_rows)]
-    else:
-        runs = np.split(born_rows, np.flatnonzero(np.diff(born_rows) > GAP) + 1) if len(born_rows) else []
-        ends = [system.operator.bonds(int(run[0]), int(run[-1]) + 1) for run in runs]
+    ends = system.regridder.bonds_of_rows(system, born_rows)
     since, is_born = system.operator.broken(step), np.zeros(len(system.family_sizes), dtype=np.bool_)
     is_born[born_rows] = True
     ends.append((since.source, since.target))

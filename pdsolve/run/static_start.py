@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import cast
 
 import msgspec
 import numpy as np
@@ -25,8 +26,7 @@ def start_in_static_equilibrium(prepared: PreparedRun) -> PreparedRun:
     system, state = prepared
     model = system.model
     rest = prepare_quasi_static_model_of_start(model, system.options, system.scheme)
-    stepper, operator, drive = rest.system.stepper, rest.system.operator, rest.system.drive
-    assert isinstance(stepper, LoadSteps)
+    stepper, operator, drive = cast("LoadSteps", rest.system.stepper), rest.system.operator, rest.system.drive
     stepper.solve_equilibrium_at_time_zero(rest.state)
     state.value[:] = rest.state.value
     system.drive.held_force[:] = drive.held_force

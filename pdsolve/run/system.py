@@ -27,6 +27,10 @@ if TYPE_CHECKING:
     from pdsolve.adaptivity.factory import MovingZoneOperator
 
 
+GAP = 64  # rows between nodes whose bonds are asked for together
+Ends = tuple[NDArray[np.int64], NDArray[np.int64]]  # of bonds: source and target rows
+
+
 class RefinementThresholdFromStep(NamedTuple):
     """From a step on, cells become fine at `refinement_stretch_ratio` of the stretch that breaks bonds."""
 
@@ -87,6 +91,11 @@ class Regridder:
     def particle_rows(self, after_step: int) -> Sequence[tuple[float, ...]]:
         """Rows of crack particles since a step."""
         return ()
+
+    def bonds_of_rows(self, system: System, rows: NDArray[np.int64]) -> list[Ends]:
+        """Source and target rows of the intact bonds of these nodes, which increase, and of some between them."""
+        runs = np.split(rows, np.flatnonzero(np.diff(rows) > GAP) + 1) if len(rows) else []
+        return [system.operator.bonds(int(run[0]), int(run[-1]) + 1) for run in runs]
 
     def zone_summary(self, system: System) -> ZoneSummary | None:
         """Summary of finer nodes that come and go; None without any."""

@@ -9,12 +9,12 @@ from typing import Any
 from pdmesh.files import FilePath
 from pdmesh.model.amounts import pair_count
 from pdsolve.codegen import jit_cache
+from pdsolve.estimate import measure_machine_slowdown
 from pdsolve.numerics.thread_team import cores
-from pdsolve.run.estimate import measure_machine_slowdown
 from pdsolve.study import run_model
 from pdsolve.study.description import read_study
 
-# Seconds on the machine of `pdsolve.run.estimate`: of the command and then its processes, until they solve, a third
+# Seconds on the machine of `pdsolve.estimate`: of the command and then its processes, until they solve, a third
 # of it for kernels that are read; of a run besides what its plan has, and for each of its nodes: it is built and
 # measured; of the kernels of a plate of bonds, where none are kept
 START = 4.0

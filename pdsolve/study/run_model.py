@@ -13,9 +13,9 @@ from pdmesh.model.document import GridError, Material, Medium, Settings, read_fi
 from pdmesh.model.node_grid import grid_of
 from pdmesh.model.settings_overlay import overlaid
 from pdmesh.model.unused_settings import in_vain
+from pdsolve.estimate import Plan, estimate_run
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
-from pdsolve.run.estimate import Plan, estimate_run
 from pdsolve.study.description import Case, Study, StudyError
 from pdsolve.study.disturbed import disturbed
 

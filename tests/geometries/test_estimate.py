@@ -21,9 +21,9 @@ from pdmesh.model.document import Run
 from pdmesh.model.node_grid import document_of
 from pdmesh.reports.report import info, plan
 from pdsolve.diffusion import system as diffusion
+from pdsolve.estimate import estimate_run as planned
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.estimate import estimate_run as planned
 from pdsolve.run.prepare import prepare
 
 pytest.importorskip("gmsh", exc_type=(ImportError, OSError))

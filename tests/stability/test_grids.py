@@ -17,9 +17,9 @@ from pdmesh import Scene, box
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Load, Material, Run
 from pdmesh.model.lattice_calibration import hu_beta, offsets
+from pdsolve.estimate import estimate_run
 from pdsolve.model import ModelError
 from pdsolve.options import Options
-from pdsolve.run.estimate import estimate_run
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 from pdsolve.run.system import PreparedRun

@@ -22,8 +22,8 @@ from system_checks import accelerate, at_step, bonds_of, broken, equilibrium, so
 from pdmesh.model.document import Load, Material, Run
 from pdmesh.model.material_constants import critical_stretch
 from pdmesh.model.node_grid import Grid
+from pdsolve.estimate import estimate_run
 from pdsolve.options import Options
-from pdsolve.run.estimate import estimate_run
 from pdsolve.run.measures import compute_node_damage
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun

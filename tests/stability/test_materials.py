@@ -15,9 +15,9 @@ from scipy.sparse.linalg import spsolve
 from system_checks import at_step, matrix
 
 from pdmesh.model.document import Region, Run
+from pdsolve.estimate import estimate_run
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.estimate import estimate_run
 from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun

@@ -18,9 +18,9 @@ from system_checks import broken
 from pdmesh import Circle, Scene, SceneError, box
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Load, Run
+from pdsolve.estimate import estimate_run
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.estimate import estimate_run
 from pdsolve.run.prepare import prepare
 from pdsolve.state import Broken
 

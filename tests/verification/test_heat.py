@@ -27,9 +27,9 @@ from pdmesh.model.document import (
 from pdmesh.model.medium import Medium
 from pdsolve.diffusion import swelling
 from pdsolve.diffusion.swelling import Swelling
+from pdsolve.estimate import estimate_run
 from pdsolve.model import Model, ModelError
 from pdsolve.results import Results
-from pdsolve.run.estimate import estimate_run
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 

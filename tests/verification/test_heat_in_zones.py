@@ -12,10 +12,10 @@ from database_contents import contents
 from numpy.typing import NDArray
 
 from pdmesh import Circle, Material, Medium, Run, Scene, box, build
+from pdsolve.estimate import estimate_run
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.results import Results
-from pdsolve.run.estimate import estimate_run
 from pdsolve.run.measures import compute_energy_balance_row, compute_output_fields
 from pdsolve.run.node_changes import create_system_if_zone_changed
 from pdsolve.run.prepare import prepare

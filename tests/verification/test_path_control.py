@@ -19,11 +19,11 @@ from pdmesh.model.node_grid import document_of
 from pdpost.measures.forces import read_condition_force_histories, select_condition_force_histories
 from pdpost.measures.gaps import ForceOpeningCurve, force_over_gap_opening, read_named_gap
 from pdsolve.__main__ import main as pdsolve
+from pdsolve.estimate import estimate_run
 from pdsolve.model import Model, ModelWarning
 from pdsolve.rest.controls import OpeningControl
 from pdsolve.rest.equilibrium import NotConvergedError
 from pdsolve.results import Results
-from pdsolve.run.estimate import estimate_run
 from pdsolve.run.simulation import Options, resume, simulate
 
 RAMP = ((0.0, 0.0), (1.0, 1.0))

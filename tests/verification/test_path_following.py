@@ -18,13 +18,13 @@ from softening_bars import PETERSSONS as CONCRETE
 from softening_bars import beam
 
 from pdmesh.model.document import Spring
+from pdsolve.estimate import estimate_run
 from pdsolve.laws import law_of
 from pdsolve.model import Model, ModelWarning
 from pdsolve.operators.softening_bonds import SofteningBonds
 from pdsolve.rest.continuation import SofteningPathSteps
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.after_path import results_file_of_motion_after_equilibrium_path
-from pdsolve.run.estimate import estimate_run
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.schemes import SCHEMES

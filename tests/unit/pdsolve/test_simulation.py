@@ -19,9 +19,9 @@ from tampered_databases import tampered
 from pdmesh.model.amounts import pair_count
 from pdmesh.model.document import Run
 from pdmesh.model.output_fields import CRACKED
+from pdsolve.estimate import estimate_run
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Breaks, Results, ResultsError
-from pdsolve.run.estimate import estimate_run
 from pdsolve.run.fragments import count_fragments
 from pdsolve.run.measures import compute_node_damage
 from pdsolve.run.recorder import list_breaks_since

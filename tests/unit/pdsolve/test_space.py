@@ -111,7 +111,7 @@ def test_a_bar_at_rest(model: str, nu: float, strain: float, ratio: float) -> No
 )
 def test_what_is_said_of_a_run_is_what_it_does(model: str, spacing: float, off: float) -> None:
     """In tiles, in a list, in blocks as rows are too short for tiles, and in a list as nodes are on no lattice."""
-    from pdsolve.run.estimate import estimate_run
+    from pdsolve.estimate import estimate_run
 
     found = bar(Run(steps=20), spacing)
     moved = found.grid.position + off * np.random.default_rng(0).random(found.grid.position.shape)
@@ -199,7 +199,7 @@ def test_a_body_whose_nodes_are_on_no_lattice_is_listed(law: str) -> None:
 @pytest.mark.slow
 def test_a_lattice_is_planned_with_less_than_listed_nodes() -> None:
     """A million nodes take 731 MB in float64 and 590 in float32; the process takes 181 MB of them without any."""
-    from pdsolve.run.estimate import estimate_run
+    from pdsolve.estimate import estimate_run
 
     grid = whole_lattice(Lattice((0.0, 0.0, 0.0), 1e-3, 20, 20, 20), cracks=np.zeros((0, 9)))
     held = Model(grid, Settings(material=RUBBER, run=Run(steps=1)))

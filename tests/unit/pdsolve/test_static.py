@@ -15,9 +15,9 @@ from messages import mentions, naming
 from plates import GLASS, STEEL, plate, square_grid
 
 from pdmesh.model.document import AnyCondition, Displacement, Load, Run, Static, Velocity
+from pdsolve.estimate import estimate_run
 from pdsolve.model import Model, ModelError
 from pdsolve.results import Results
-from pdsolve.run.estimate import estimate_run
 from pdsolve.run.simulation import NotConvergedError, Options, Progress, resume, simulate
 
 OPEN = 1e-4  # m

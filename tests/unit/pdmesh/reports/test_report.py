@@ -18,9 +18,9 @@ from pdmesh.model.document import Document, GridError, Load, Material
 from pdmesh.model.node_grid import document_of
 from pdmesh.reports.bonds_and_step import SURFACES, count, stable_step
 from pdmesh.reports.report import info, info_lines, plan, plan_lines
+from pdsolve.estimate import estimate_run as planned
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.estimate import estimate_run as planned
 from pdsolve.run.prepare import prepare
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from plates import GEOMETRIES
 
+from pdsolve import estimate
 from pdsolve.codegen import jit_cache
-from pdsolve.run import estimate
 from pdsolve.study import plan
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from functools import cache
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -17,16 +17,20 @@ import numpy as np
 from pdmesh.model.document import ARC, ON_ONE_LATTICE, Absorb, Load, Run, Settings
 from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity
 from pdsolve.checks import warn_of_model
-from pdsolve.diffusion.swelling import Swelling
+from pdsolve.conditions import has_conditions
+from pdsolve.diffusion.swelling import cycle_of
 from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
 from pdsolve.numerics.memory import aligned
 from pdsolve.operators.stiffness_damping import damped_stable_time_step
 from pdsolve.options import Options, threads_of
-from pdsolve.rest.arc_length import ArcLengthSteps
-from pdsolve.rest.continuation import CRACK_STEPS, SofteningPathSteps
-from pdsolve.rest.crack_length import CrackLengthSteps
+from pdsolve.rest.continuation import CRACK_STEPS
 from pdsolve.rest.newton import FACTORED
+from pdsolve.rest.static_loads import (
+    uses_arc_length_control,
+    uses_crack_length_control,
+    uses_softening_path_control,
+)
 from pdsolve.run.assembly import (
     BondLayout,
     bond_layout_of_operator,
@@ -40,6 +44,7 @@ from pdsolve.run.static_start import prepare_quasi_static_model_of_start
 from pdsolve.run.system import System
 
 DEFAULT = Options()
+PATH_CONTROLS = uses_arc_length_control, uses_crack_length_control, uses_softening_path_control
 
 # Peak of the whole process, bytes: at least, half of it libraries' files, of which systems map more or less; and for
 # each node
@@ -154,11 +159,12 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         system = prepare(model, options).system
         model = system.model
         if system.coupled_runs and settings.run.solver != "static":
-            cycle = cast("Swelling", system.stepper).steps_per_content_step
+            content_step = system.coupled_runs[0].system.stable_time_step
+            cycle = cycle_of(settings.run, system.time_step, content_step)
         summed = bond_layout_of_operator(system.operator) if paired and summed == "listed" else summed
         count, family, settings = system.initial_bond_counts, system.family_sizes, system.model.settings
         bound, step = system.stable_time_step, system.time_step
-        along_path = isinstance(system.stepper, ArcLengthSteps | CrackLengthSteps | SofteningPathSteps)
+        along_path = settings.run.solver == "static" and any(control(model) for control in PATH_CONTROLS)
         if along_path:
             run = msgspec.structs.replace(settings.run, steps=_estimate_path_step_count(settings.run))
             settings = msgspec.structs.replace(settings, run=run)
@@ -201,7 +207,7 @@ def _estimate_path_step_count(run: Run) -> int:
 
 def _estimate_path_wall_time(system: System, plan: Plan) -> float:
     """Seconds of a path with the steps of a plan, of whose load steps this is the time."""
-    if not isinstance(system.stepper, SofteningPathSteps):
+    if not uses_softening_path_control(system.model):
         return ARC_STEP * plan.wall_time
     if system.model.grid.dimension == 3:
         return IN_SPACE_STEP * plan.wall_time
@@ -243,7 +249,7 @@ def estimate_size(
     run = settings.run
     rest, load_step = estimate_load_step_memory_and_time(run, node_count, directed_bond_count)
     if run.solver == "static":
-        if any(isinstance(condition, Load) for condition in settings.conditions) and 2 * node_count <= FACTORED:
+        if has_conditions(settings, Load) and 2 * node_count <= FACTORED:
             rest = REST + DEAD * (rest - REST)
         tires = run.fatigue is not None
         seconds = measure_machine_slowdown() * (BEGIN + run.steps * (JUMPED if tires else 1) * load_step)
@@ -265,7 +271,7 @@ def estimate_size(
         if in_blocks
         else directed_bond_count * LISTED_BOND
     )
-    if in_blocks and (run.damping or any(isinstance(condition, Absorb) for condition in settings.conditions)):
+    if in_blocks and (run.damping or has_conditions(settings, Absorb)):
         update *= DAMPED
     if run.adapt == "collocation":
         update *= COLLOCATED
