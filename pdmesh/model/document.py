@@ -60,7 +60,6 @@ from pdmesh.model.medium import Solid as Solid
 from pdmesh.model.medium import Source as Source
 from pdmesh.model.output_fields import USUAL, Column
 from pdmesh.model.suggestions import explained
-from pdmesh.model.values_at_places import with_tables
 from pdmesh.model.values_of_place import PlaceError
 
 CRACK, ARC = "crack", "arc"  # controls: the length of cracks of particles; that of the path of an elastic body
@@ -439,6 +438,8 @@ def read_file(path: Path) -> Document:
 
 def tables_beside(conditions: tuple[AnyCondition, ...], path: Path, dimension: int) -> tuple[AnyCondition, ...]:
     """The conditions of the file at `path` with the tables of files beside it. Raises GridError."""
+    from pdmesh.model.values_at_places import with_tables  # here, as it needs numpy, which takes --help too long
+
     try:
         return with_tables(conditions, path.parent, dimension, "$.conditions")
     except PlaceError as error:

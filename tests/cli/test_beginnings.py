@@ -15,7 +15,7 @@ from pdsolve.__main__ import main
 from pdsolve.model import Model
 from pdsolve.results import Results, StateKind, state_of
 from pdsolve.results.writer import _connected
-from pdsolve.run import summary
+from pdsolve.run import recorder
 from pdsolve.run.simulation import simulate
 
 PLATE = Path("plate.sqlite")
@@ -108,7 +108,7 @@ def test_a_name_like_a_uri_is_a_file_of_this_folder(name: str, model: Path, here
 def test_another_kind_of_processor_is_said(
     model: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(summary, "processor_kind", lambda: "elsewhere")
+    monkeypatch.setattr(recorder, "processor_kind", lambda: "elsewhere")
     simulate_some(model)
     assert main(["--resume", str(PLATE)]) == 0
     err = capsys.readouterr().err

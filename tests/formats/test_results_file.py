@@ -191,15 +191,15 @@ def test_a_target_that_cannot_be_written_is_named(small_plate: Model, tmp_path: 
 
 def test_a_full_disk_is_one_line(small_plate: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A database that may not grow stands for a disk that is full."""
-    create = Writer.create.__func__  # type: ignore[attr-defined]
+    begin = Writer.begin.__func__  # type: ignore[attr-defined]
 
     def small(cls: type[Writer], *args: object) -> Writer:
-        writer: Writer = create(cls, *args)
+        writer: Writer = begin(cls, *args)
         pages = writer.connection.execute("PRAGMA page_count").fetchone()[0]
         writer.connection.execute(f"PRAGMA max_page_count = {pages + 2}")
         return writer
 
-    monkeypatch.setattr(Writer, "create", classmethod(small))
+    monkeypatch.setattr(Writer, "begin", classmethod(small))
     with pytest.raises(WriteError, match=r"full\.sqlite: database or disk is full"):
         simulate(small_plate, tmp_path / "full.sqlite")
 

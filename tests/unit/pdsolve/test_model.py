@@ -99,7 +99,7 @@ def test_a_duration_is_counted_in_the_sure_step_and_the_end_said_last_counts(bar
     [
         ("run.steps", "many", r"\$.run.steps"),
         ("run.stepz", "3", r"\$.run.stepz is unknown"),
-        ("run.time_step", "5MPa", naming("$.run.time_step", "'5MPa'", expected=("in s", "ms", "us"))),
+        ("run.time_step", "5MPa", naming("run.time_step", "'5MPa'", expected=("in s", "ms", "us"))),
         ("horizon.ratio", "4mm", naming("$.horizon.ratio", "'4mm'", expected="from 1 to 64")),
         ("material.E", "none", naming("$.material.E", "'none'", expected="above 0")),
         ("material.E", "-1", r"\$.material.E"),
