@@ -137,6 +137,9 @@ def _cracks(grid: Grid, name: str) -> Iterator[str]:
         return
     corners = grid.cracks.reshape(len(grid.cracks), -1, grid.dimension)
     reach, least = AROUND_ONE * float(grid.delta.max()), LONG * float(grid.delta.min())
+    if grid.dimension == 3:  # the triangles of a crack are many and near each other
+        every = corners.reshape(-1, 3)
+        grid = grid.part(grid.chosen(None, [*(every.min(axis=0) - reach), *(every.max(axis=0) + reach)]))
     for number, corner in enumerate(corners):
         if _size(corner) < least:
             continue

@@ -182,8 +182,12 @@ class Screen:
     def near(self, far: float) -> NDArray[np.bool_]:
         """Mask (n,) of nodes with a segment of length `far`, m, that may meet one of the triangles."""
         mask = np.zeros(len(self._position), dtype=bool)
-        for triangle, normal in zip(self._large, self._large_normal, strict=True):
-            mask |= _beside(self._position, triangle, normal, far)
+        if len(self._large):  # of few nodes, each triangle asks those in the box around all of them
+            low, high = self._large.min(axis=(0, 1)) - far, self._large.max(axis=(0, 1)) + far
+            rows = np.flatnonzero(((self._position >= low) & (self._position <= high)).all(axis=1))
+            place = self._position[rows]
+            for triangle, normal in zip(self._large, self._large_normal, strict=True):
+                mask[rows] |= _beside(place, triangle, normal, far)
         return mask | (self._away <= far) if len(self._small) else mask
 
     def _ends(self, pairs: Pairs, which: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
