@@ -48,7 +48,7 @@ def sent_back(ratio: float, width: int, shear: bool, backwards: bool = False, se
     """
     bonds, cells = bonds_of(ratio), (3 * AWAY + 4 * width) // 2
     operator = _column(bonds, cells, (AWAY + 4 * width) // 2, backwards, seam)
-    x, y, z = lattice_coordinates(operator.full_body.fine_lattice.numbering.fine, operator.sites)
+    x, y, z = lattice_coordinates(operator.engine.full_body.fine_lattice.numbering.fine, operator.places)
     alike = _alike(operator, x, y, z)
     c11, c12 = cubic_stiffness(bonds)
     speed, axis, dt = float(np.sqrt(c12 if shear else c11)), 2 if shear else 0, STEP / float(np.sqrt(c11))
@@ -62,7 +62,7 @@ def sent_back(ratio: float, width: int, shear: bool, backwards: bool = False, se
     v[:, axis] = speed * 2 * late / width**2 * shape(late)
     sent, before = float(np.abs(v).max()), (x > middle - 3 * width) & (x < 2 * cells - 3 * ratio)
     for _ in range(round(2 * AWAY / speed / dt)):
-        v += dt * (operator.forces_at_displacements(u) / operator.volume[:, None])[alike]
+        v += dt * (operator.forces_at_displacements(u) / operator.area[:, None])[alike]
         u += dt * v
     return float(np.abs(v[before]).max()) / sent
 
@@ -85,5 +85,5 @@ def _alike(
     operator: HybridBodyOperator, x: NDArray[np.int64], y: NDArray[np.int64], z: NDArray[np.int64]
 ) -> NDArray[np.int64]:
     """Rows (n,) of the nodes in the middle that move as all nodes do."""
-    numbering = operator.full_body.fine_lattice.numbering
-    return np.searchsorted(operator.sites, place_number_at(numbering.fine, (x, ACROSS + y % 2, ACROSS + z % 2)))
+    numbering = operator.engine.full_body.fine_lattice.numbering
+    return np.searchsorted(operator.places, place_number_at(numbering.fine, (x, ACROSS + y % 2, ACROSS + z % 2)))

@@ -15,6 +15,7 @@ from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.hybrid.space.prepare import create_full_block, create_operator_of_cells
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
+from pdsolve.run.system import PreparedRun
 from pdsolve.zone.cells import COARSE, FINE, VOID, lattice_coordinates
 
 SMALL = 1e-7  # strain
@@ -36,10 +37,16 @@ def at_random(whole: FullBody, margin: int, tau: float) -> HybridBodyOperator:
     return create_operator_of_cells(whole, np.pad(cells, numbering.margins[0], constant_values=VOID).ravel(), tau)
 
 
+def zone_operator(problem: PreparedRun) -> HybridBodyOperator:
+    """The operator of the body of a run."""
+    assert isinstance(problem.system.operator, HybridBodyOperator)
+    return problem.system.operator
+
+
 def place(operator: HybridBodyOperator) -> NDArray[np.float64]:
     """Where nodes (n, 3) are, in spacings."""
-    numbering = operator.full_body.fine_lattice.numbering
-    return np.column_stack(lattice_coordinates(numbering.fine, operator.sites)).astype(float)
+    numbering = operator.engine.full_body.fine_lattice.numbering
+    return np.column_stack(lattice_coordinates(numbering.fine, operator.places)).astype(float)
 
 
 def block(adapt: str, steps: int = 168, other: Material | None = None) -> Model:

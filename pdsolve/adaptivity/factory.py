@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.prepare import create_hybrid_operator_and_stable_step
+from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
+from pdsolve.adaptivity.hybrid.space.prepare import create_body_operator_and_stable_step
 from pdsolve.model import Model
 
 if TYPE_CHECKING:
     from pdsolve.adaptivity.collocation.operator import CollocationOperator
 
-    MovingZoneOperator = HybridOperator | CollocationOperator
+    MovingZoneOperator = HybridOperator | HybridBodyOperator | CollocationOperator
 
 
 def create_zone_operator_and_stable_step(
@@ -28,4 +30,6 @@ def create_zone_operator_and_stable_step(
         )  # few runs need it
 
         return create_collocation_operator_and_stable_step(model, choose_time_step, threads)
+    if model.grid.dimension == 3:
+        return create_body_operator_and_stable_step(model, precision, choose_time_step, threads)
     return create_hybrid_operator_and_stable_step(model, precision, choose_time_step, threads)

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class EnergyBalanceTotals(NamedTuple):
-    """EnergyTotals over all nodes."""
+    """EnergyTotals over all nodes, per unit thickness in the plane."""
 
     kinetic: float  # J/m
     strain: float  # J/m
@@ -31,6 +31,7 @@ class EnergyBalanceTotals(NamedTuple):
     momentum_x: float  # N s/m
     momentum_y: float  # N s/m
     broken: int  # directed bonds, so far
+    momentum_z: float = 0.0  # N s, of bodies
 
 
 class TwoLatticeEngine(Protocol):
@@ -132,7 +133,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
 
     def state(self) -> State:
         """The state of the current nodes."""
-        state = zero_state(len(self.places), 2, self.kind)
+        state = zero_state(len(self.places), self.unknowns[0].width, self.kind)
         self.copy_to_state(state)
         return state
 

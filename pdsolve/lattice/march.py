@@ -115,14 +115,14 @@ class LatticeMarch(Stepper):
         node = bonds.nodes()
         lane_of_node = np.zeros(len(rho), dtype=np.int32)  # of those of all groups
         lane_of_node[node[node >= 0]] = np.flatnonzero(node >= 0)
-        self._bonds, self._dt, self._contact, self._ghosts = bonds, dt, contact, ghosts
+        self.bonds, self._dt, self._contact, self._ghosts = bonds, dt, contact, ghosts
         holds = drive.holds._replace(node=lane_of_node[drive.holds.node].astype(np.int64) % bonds.lanes)
-        self._drive_of_lanes = drive._replace(holds=holds)
+        self.drive_of_lanes = drive._replace(holds=holds)
         self._group_of_node = lane_of_node // bonds.lanes if contact is not None else np.zeros(0, dtype=np.int32)
         self._rows = np.zeros(0, dtype=np.int64)  # on which contact acted
         if ghosts is not None:
             ghosts.set_places(bonds.margin + lane_of_node.astype(np.int64))
-        self._arrays = self._make_arrays(lane_of_node, drive, rho, damping)
+        self.arrays = self._make_arrays(lane_of_node, drive, rho, damping)
 
     def _make_arrays(
         self,
@@ -132,7 +132,7 @@ class LatticeMarch(Stepper):
         damping: NDArray[np.float64] | None,
     ) -> MarchArrays:
         """The arrays of kernels."""
-        bonds, group = self._bonds, lane_of_node // self._bonds.lanes
+        bonds, group = self.bonds, lane_of_node // self.bonds.lanes
         count, axes = bonds.group_count, len(bonds.axes)
         held_group, has_loads, acts = group[drive.holds.node], *np.zeros((2, count), dtype=np.bool_)
         has_loads[group[drive.loads.node]] = acts[held_group] = True
@@ -142,7 +142,8 @@ class LatticeMarch(Stepper):
             rates = np.where(constrained_components(drive), 0.0, damping[:, None]).astype(rho.dtype)
 
             at_places = aligned_zeros((axes, bonds.u[0].shape[1]), rho.dtype)
-            at_places[:, bonds.margin + lane_of_node] = rates.T
+            own = bonds.nodes()
+            at_places[:, bonds.margin + np.flatnonzero(own >= 0)] = rates[own[own >= 0]].T
             rates = at_places
         group_rho, rho_number = self._distinct_densities(rho)
 
@@ -177,8 +178,8 @@ class LatticeMarch(Stepper):
         A lane without a node has the density of another one, or 1, so that few groups differ.
         """
         if len(rho) and rho.min() == rho.max():
-            return aligned(np.full(self._bonds.lanes, rho[0])), np.zeros(self._bonds.group_count, dtype=np.int32)
-        rho_of_lanes = np.append(rho, rho.dtype.type(0))[self._bonds.nodes()].reshape(-1, self._bonds.lanes)
+            return aligned(np.full(self.bonds.lanes, rho[0])), np.zeros(self.bonds.group_count, dtype=np.int32)
+        rho_of_lanes = np.append(rho, rho.dtype.type(0))[self.bonds.nodes()].reshape(-1, self.bonds.lanes)
         largest = rho_of_lanes.max(axis=1, keepdims=True)
         rho_of_lanes = np.where(rho_of_lanes > 0, rho_of_lanes, np.where(largest > 0, largest, 1))
         distinct, number = np.unique(rho_of_lanes, axis=0, return_inverse=True)
@@ -186,7 +187,7 @@ class LatticeMarch(Stepper):
 
     def advance(self, state: State, first_step: int, end_step: int) -> int:
         """Take the steps `first_step` to `end_step` - 1, in place; returns the last one."""
-        bonds, sweep, end_sweep = self._bonds, 0, end_step - first_step + 1
+        bonds, sweep, end_sweep = self.bonds, 0, end_step - first_step + 1
         if end_step <= first_step:
             self._sweep_in_threads(state, SweepRange(first_step, end_step, 0, False), 0, None)  # compiles
             return end_step - 1
@@ -210,10 +211,10 @@ class LatticeMarch(Stepper):
 
     def _sweep_in_threads(self, state: State, sweeps: SweepRange, end_sweep: int, pushes: Pushes | None) -> int:
         """Do sweeps of these steps until `end_sweep`, fewer if pairs are to be found; returns the one to go on with."""
-        arrays, bonds = self._arrays, self._bonds
+        arrays, bonds = self.arrays, self.bonds
 
         def sweep_groups(sweeps: SweepRange, thread: int, gate: Any) -> None:
-            drive = self._drive_of_lanes
+            drive = self.drive_of_lanes
             sweep_groups_of_thread(
                 *bonds.of_thread(thread), arrays, drive, state, pushes, self._dt, sweeps, thread, gate
             )
@@ -234,7 +235,7 @@ class LatticeMarch(Stepper):
     ) -> tuple[int, Pushes | None]:
         """Set the forces of contact in a step, with the motion that `sweep` begins with; returns for how many steps
         they hold, or those of the pairs: None where nothing touches."""
-        arrays, now = self._arrays, self._bonds.collect_motion(state, sweep)
+        arrays, now = self.arrays, self.bonds.collect_motion(state, sweep)
         free = contact.free_steps(now, step, self._dt)
         arrays.contact_force[self._rows], arrays.adds_contact_force[:] = 0.0, False
         self._rows = contact.rows if free == 0 else self._rows[:0]
@@ -243,7 +244,7 @@ class LatticeMarch(Stepper):
             return free, None
         contact.push(now, arrays.contact_force, step, self._dt)
         pushes, lasts = contact.pushes(step)
-        return (lasts, pushes) if lasts > 1 and self._bonds.places_are_rows else (1, None)
+        return (lasts, pushes) if lasts > 1 and self.bonds.places_are_rows else (1, None)
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -303,7 +304,7 @@ def _sweep_group(bonds, history, arrays, drive, state, sweep, group):  # type: i
             for lane in range(0, group.lanes, across(sweep.u)):
                 f = sum_of_lanes(bonds, history, sweep, group.number, lane)
                 if is_free and not is_touched:  # while their forces are in registers
-                    _advance_lanes_without_loads(arrays, sweep, group, f, lane)
+                    advance_lanes_without_loads(arrays, sweep, group, f, lane)
                 else:
                     keep(f, group.f, lane)
             if is_free and not is_touched:
@@ -318,9 +319,9 @@ def _sweep_group(bonds, history, arrays, drive, state, sweep, group):  # type: i
             _add_contact_forces(arrays, group)
     if is_free:
         for lane in range(0, group.lanes, across(sweep.u)):
-            _advance_lanes_without_loads(arrays, sweep, group, beside(group.f, arrays.axes, lane), lane)
+            advance_lanes_without_loads(arrays, sweep, group, beside(group.f, arrays.axes, lane), lane)
     else:
-        _advance_group_with_loads_and_holds(bonds, history, arrays, drive, state, sweep, group)
+        advance_group_with_loads_and_holds(bonds, history, arrays, drive, state, sweep, group)
 
 
 @njit(**INNER)
@@ -342,14 +343,14 @@ def over_density(force, rho, inverse_rho, at):  # type: ignore[no-untyped-def]
 
 
 @njit(**IN_PLACE)
-def _advance_lanes_without_loads(arrays, sweep, group, f, lane):  # type: ignore[no-untyped-def]
+def advance_lanes_without_loads(arrays, sweep, group, f, lane):  # type: ignore[no-untyped-def]
     """End a step for the lanes of a group from `lane` on, with their force densities, and begin the next one."""
     a, at = over_density(f, arrays.rho, arrays.inverse_rho, group.rho_place + lane), group.place + lane
     kick_and_drift(sweep.u, sweep.next_u, sweep.v, sweep.next_v, a, sweep.dt, arrays.axes, at)
 
 
 @njit(**INNER)
-def _advance_group_with_loads_and_holds(bonds, history, arrays, drive, state, sweep, group):  # type: ignore[no-untyped-def]
+def advance_group_with_loads_and_holds(bonds, history, arrays, drive, state, sweep, group):  # type: ignore[no-untyped-def]
     """End a step for a group with its force densities, and begin the next one, or one of both."""
     axes, a, dt, half = arrays.axes, group.a, same(sweep.u, sweep.dt), same(sweep.u, sweep.dt / 2)
     load_accelerations(bonds, history, state, group.number, a)

@@ -24,18 +24,15 @@ def half_kick_work_of_acceleration_error(
     state: State,
     force_density: NDArray[np.float64],
     damping_rates: NDArray[np.float64],
-    included_nodes: NDArray[np.bool_] | None = None,
 ) -> float:
     """Work, J/m, in the next half kick of interpolated accelerations that differ from those of the forces.
 
     Verlet follows them for half of a kick. `force_density` (n, w), N/m^3, are the force densities of neighbours, and
-    `damping_rates` (n,), 1/s, those of nodes; except at `included_nodes` (n,), accelerations do not differ.
+    `damping_rates` (n,), 1/s, those of nodes.
     """
     rho, drive, dt = system.model.rho[:, None], system.drive, system.time_step
     excess = rho * (state.second + damping_rates[:, None] * state.rate) - force_density - drive.force
     excess[drive.holds.node, drive.holds.axis] = 0.0
-    if included_nodes is not None:
-        excess[~included_nodes] = 0.0
     way = dt * (state.rate + dt / 2 * state.second)
     return float(np.sum(system.area[:, None] * excess / 2 * way))
 

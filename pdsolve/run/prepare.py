@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.factory import create_zone_operator_and_stable_step
 from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
-from pdsolve.adaptivity.hybrid.space.prepare import create_body_operator, create_conditions_of_current_nodes
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds
 from pdsolve.adaptivity.quadtree.operator import SURE, QuadtreeOperator, create_quadtree
 from pdsolve.adaptivity.two_lattice_operator import TwoLatticeStepper
@@ -36,7 +35,6 @@ from pdsolve.run.assembly import (
     stable_time_step_from_stiffness_bound,
 )
 from pdsolve.run.at_rest import prepare_quasi_static_run
-from pdsolve.run.body_zones import BodyCellRefinement
 from pdsolve.run.cell_splitting import CellSplitting
 from pdsolve.run.node_changes import MovingZone
 from pdsolve.run.ranks_start import prepare_run_on_ranks
@@ -74,9 +72,7 @@ def _prepare_by_physics_and_adaptivity(model: Model, options: Options) -> Prepar
     if model.settings.run.adapt == "split":
         return _prepare_cell_splitting(model, options, scheme)
     if model.settings.run.adapt != "none":
-        return (_prepare_plate_with_moving_zone if model.grid.dimension == 2 else _prepare_body_with_moving_zone)(
-            model, options, scheme
-        )
+        return _prepare_moving_zone(model, options, scheme)
     if model.settings.run.solver == "static":
         return prepare_quasi_static_run(model_with_load_steps(model), options, scheme)
     return prepare_explicit_motion(model, options, scheme)
@@ -159,7 +155,7 @@ def _prepare_swelling_motion(model: Model, options: Options, scheme: Scheme) -> 
 
 def _prepare_swelling_plate_with_zone(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A plate with a moving fine zone that a content swells. Raises ModelError for what cannot be solved so."""
-    system, _ = _prepare_plate_with_moving_zone(model, options, scheme)
+    system, _ = _prepare_moving_zone(model, options, scheme)
     operator, medium = cast("HybridOperator", system.operator), model.settings.medium
     assert medium is not None
     content = _prepare_diffusion(model.diffusing_part(system.time_step), Options(threads=system.options.threads))
@@ -176,9 +172,11 @@ def _prepare_swelling_plate_with_zone(model: Model, options: Options, scheme: Sc
     )
 
 
-def _prepare_plate_with_moving_zone(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
+def _prepare_moving_zone(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A prepared model with a moving fine zone. Raises ModelError for an unsupported one."""
     threads = options.threads or useful_threads(len(model.grid), WORTH_HYBRID)
+    if model.grid.dimension == 3:
+        threads = threads_of(options, len(model.grid), True)
     shown, bound = create_zone_operator_and_stable_step(model, options.precision, choose_time_step, threads)
     state = shown.state()
     system = System(
@@ -193,7 +191,7 @@ def _prepare_plate_with_moving_zone(model: Model, options: Options, scheme: Sche
         area=shown.area,
         family_sizes=shown.initial_bond_counts_and_family_sizes[1],
         initial_bond_counts=shown.initial_bond_counts_and_family_sizes[0],
-        time_step=float(shown.engine.lattice.dt),
+        time_step=shown.engine.time_step,
         stable_time_step=bound,
         initial_energy=shown.energy_balance_totals().kinetic,
         full_model=model,
@@ -215,20 +213,6 @@ def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> P
     rest = assemble_system(now, options, scheme, operator, bonds.assembly.counted, step, bound)
     prepared = _set_initial_velocity(rest, tree.model, initial_velocity(model), damping(now))  # `now` knows no velocity
     return prepared._replace(system=replace(prepared.system, regridder=CellSplitting(tree)))
-
-
-def _prepare_body_with_moving_zone(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
-    """A prepared body with a moving fine zone. Raises ModelError for an unsupported one."""
-    threads = threads_of(options, len(model.grid), True)
-    operator = create_body_operator(model, options.precision, threads)
-    options = options._replace(threads=threads)
-    now = operator.current_nodes_model
-    bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), now.rho)
-    steps, driven = (choose_time_step(model, bound), bound), create_conditions_of_current_nodes(operator, 0.0)
-    counted, rates = operator.volumes_and_bond_counts, operator.damping_rates
-    rest = assemble_system(now, options, scheme, operator, counted, *steps, conditions=driven, damping_rates=rates)
-    prepared = _set_initial_velocity(rest, model, initial_velocity(model)[operator.rows], rates)
-    return prepared._replace(system=replace(prepared.system, regridder=BodyCellRefinement()))
 
 
 def _set_initial_velocity(

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 from pulse_reflections_3d import bonds_of, sent_back
-from zoned_blocks import GLASS, HEIGHT, LENGTH, SMALL, WIDTH, H, blob, block, place
+from zoned_blocks import GLASS, HEIGHT, LENGTH, SMALL, WIDTH, H, blob, block, place, zone_operator
 
 import pdmesh
 from pdmesh import Body, Box, Cylinder, Run, ramp
@@ -19,13 +19,10 @@ from pdsolve.adaptivity.hybrid.space.prepare import SEAM, compute_vertex_force_r
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
-from pdsolve.rest.equilibrium import force_densities
 from pdsolve.results import Results
-from pdsolve.run.body_zones import expect_body_zone_operator
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
-from pdsolve.state import zero_state
-from pdsolve.zone.cells import COARSE, FINE
+from pdsolve.zone.cells import COARSE, FINE, lattice_coordinates
 
 
 @pytest.mark.slow
@@ -57,7 +54,7 @@ def test_any_linear_field_is_in_equilibrium(ratio: float, profile: str) -> None:
         inner = ((x > 2) & (x < 30)).all(axis=1)
         assert least <= np.abs(force[inner]).max() < most
         assert np.abs(force.sum(axis=0)).max() < 1e-9
-        assert operator.volume.sum() == pytest.approx(33.0**3, rel=1e-12)
+        assert operator.area.sum() == pytest.approx(33.0**3, rel=1e-12)
 
 
 @pytest.mark.slow
@@ -67,10 +64,10 @@ def test_the_sure_step_is_stable_with_a_seam(ratio: float) -> None:
     """2 / omega_max, by power iteration; measured 1.35 and 1.66 sqrt(rho / C11) against 1.13 and 1.60."""
     bonds = bonds_of(ratio)
     operator = blob(bonds, 10, 1, compute_vertex_force_ratio(LAW, bonds, 1.0))
-    v, found = np.random.default_rng(0).standard_normal((len(operator.sites), 3)), 0.0
+    v, found = np.random.default_rng(0).standard_normal((len(operator.places), 3)), 0.0
     for _ in range(120):
-        w = -operator.forces_at_displacements(SMALL * v) / SMALL / operator.volume[:, None]
-        found = float((v * w * operator.volume[:, None]).sum() / (v * v * operator.volume[:, None]).sum())
+        w = -operator.forces_at_displacements(SMALL * v) / SMALL / operator.area[:, None]
+        found = float((v * w * operator.area[:, None]).sum() / (v * v * operator.area[:, None]).sum())
         v = w / np.abs(w).max()
     n = bonds[:, :3] * np.sqrt(bonds[:, 6])[:, None]
     sure = np.sqrt(2 * SEAM / np.linalg.eigvalsh(np.einsum("k,ka,kb->ab", bonds[:, 7], n, n))[-1])
@@ -89,7 +86,7 @@ def test_free_vibration_does_not_grow() -> None:
     """Noise in a blob, small strains: the energy that leapfrog keeps, over 800 units of sqrt(rho / C11)."""
     bonds = bonds_of(3.0)
     operator = blob(bonds, 7, 1, compute_vertex_force_ratio(LAW, bonds, 1.0))
-    dt, mass = 0.8 * 1.6 / np.sqrt(cubic_stiffness(bonds).c11), operator.volume[:, None]
+    dt, mass = 0.8 * 1.6 / np.sqrt(cubic_stiffness(bonds).c11), operator.area[:, None]
     v, u, energies = 1e-8 * np.random.default_rng(3).standard_normal((len(mass), 3)), np.zeros((len(mass), 3)), []
     momentum = (mass * v).sum(axis=0)
     for step in range(int(800 / (0.8 * 1.6))):
@@ -115,11 +112,14 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_cells_around_a_stretched_spring_become_fine(axis: int) -> None:
     """A coarse node moves by 0.9 of the critical stretch of the spring behind it: this one alone is beyond kappa."""
     problem = prepare(block("hybrid"), Options(threads=1))
-    operator, state = expect_body_zone_operator(problem.system), problem.state
-    spacings, limit = place(operator), operator.full_body.fine_lattice.tiles.peak.min()
+    operator, state = zone_operator(problem), problem.state
+    spacings, limit = place(operator), operator.engine.full_body.fine_lattice.tiles.peak.min()
     node = np.array([40, 8, 20])
     state.value[(spacings == node).all(axis=1), axis] = 0.9 * 2 * H * limit
-    found = operator.mark_new_fine_cells(state, 0)
+    operator.set_node_motion(state)
+    new = operator.engine.mark_new_fine_cells(0)
+    numbering = operator.engine.full_body.fine_lattice.numbering.cells
+    found = np.column_stack(lattice_coordinates(numbering, new))
     behind = node - 2 * np.eye(3, dtype=int)[axis]
     cells = np.argwhere(np.ones((24, 8, 20)))
     away = [np.linalg.norm(np.maximum(np.abs(one - (2 * cells + 1)) - 1, 0), axis=1) for one in (node, behind)]
@@ -199,33 +199,35 @@ def test_surfaces_that_cut_cells_have_fine_rings(shape: str) -> None:
 
 @pytest.mark.slow
 def test_refining_looks_at_all_that_changes() -> None:
-    """Forces, energies and numbers of bonds after some cells became fine, beside those of the whole body."""
+    """Forces, energies and numbers of bonds after some cells became fine, beside those of the whole body anew."""
     problem = prepare(block("hybrid"), Options(threads=1))
-    before, state = expect_body_zone_operator(problem.system), problem.state
+    before, state = zone_operator(problem), problem.state
+    engine = before.engine
     state.value[:] = 1e-4 * H * np.random.default_rng(5).standard_normal(state.value.shape)
-    cells = before.cell_kinds.reshape(before.full_body.fine_lattice.numbering.cells.shape)
+    before.set_node_motion(state)
+    numbering = engine.full_body.fine_lattice.numbering.cells
+    cells = engine.cell_kinds.reshape(numbering.shape)
     z, y, x = np.nonzero((cells[..., 1:] == COARSE) & (cells[..., :-1] == FINE))  # beside the zone
     some = np.flatnonzero(y == int(np.median(y)))[::3]
     cells[z[some], y[some], x[some] + 1] = FINE
-    new = np.column_stack([x[some] + 1, y[some], z[some]]) - before.full_body.fine_lattice.numbering.cells.margins[0]
-    after = before.operator_after_refinement(new)
-    found = zero_state(len(after.sites), 3)._replace(value=before.interpolate_at_grid_rows(after.rows, state.value))
-    pull, which = after.force_densities_near_new_cells(found, new)
-    assert 0.005 < which.mean() < 0.2
-    assert np.array_equal(pull[which], force_densities(after, found)[which])
-    made = [float((each.energies(of)[0] * each.volume).sum()) for each, of in ((before, state), (after, found))]
-    near = [
-        float((each.energies_near_new_cells(of, new) * each.volume).sum())
-        for each, of in ((before, state), (after, found))
-    ]
-    assert near[1] - near[0] == pytest.approx(made[1] - made[0], abs=1e-12 * made[0])
+    made, work = [engine.energies()[0].sum()], engine.refinement_energy
+    new = np.ravel_multi_index((z[some], y[some], x[some] + 1), cells.shape)
+    engine.refine_cells(new)
+    made.append(engine.energies()[0].sum())
+    after = before.new_operator_if_nodes_changed()
+    assert after is not None
+    found = after.state()
+    assert engine.refinement_energy - work == pytest.approx(made[1] - made[0], abs=1e-12 * made[0])  # at rest
     assert abs(made[1] - made[0]) > 1e-6 * made[0]
     again = create_operator_of_cells(
-        before.full_body,
-        before.cell_kinds.copy(),
-        compute_vertex_force_ratio(LAW, before.full_body.fine_lattice.tiles.vectors, H),
+        engine.full_body,
+        engine.cell_kinds.copy(),
+        compute_vertex_force_ratio(LAW, engine.full_body.fine_lattice.tiles.vectors, H),
     )
-    assert np.array_equal(again.sites, after.sites)
-    for one, other in zip(again.volumes_and_bond_counts, after.volumes_and_bond_counts, strict=True):
+    assert np.array_equal(again.places, after.places)
+    assert np.array_equal(again.area, after.area)
+    for one, other in zip(
+        again.initial_bond_counts_and_family_sizes, after.initial_bond_counts_and_family_sizes, strict=True
+    ):
         assert np.array_equal(one, other)
-    assert np.array_equal(force_densities(again, found), force_densities(after, found))
+    assert np.array_equal(again.forces_at_displacements(found.value), after.forces_at_displacements(found.value))

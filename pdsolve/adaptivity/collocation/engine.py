@@ -99,6 +99,11 @@ class CollocationEngine:
         sum_coarse_forces(self.lattice, self.zone)
         add_force_densities(self.zone.f, self.active_places, out)
 
+    @property
+    def time_step(self) -> float:
+        """The step, s."""
+        return float(self.lattice.dt)
+
     def sum_forces_and_break_bonds(self, step: int, dt: float) -> None:
         """Sum the forces at the current displacements, without loads; bonds over their limit break in this step.
 

@@ -51,6 +51,11 @@ class HybridEngine:
         self._squares = count_node_squares_in_cells(plate)
         self._whole, self._fine = int(self._squares.sum()), (-1, 0)  # squares in all cells; in fine ones, since when
 
+    @property
+    def time_step(self) -> float:
+        """The step, s."""
+        return float(self.lattice.dt)
+
     def initialize_motion_and_forces(self, velocity: NDArray[np.float64] | None) -> None:
         """Number the zone, set the velocities (n, 2), m/s, of all nodes, None: 0, and compute the forces."""
         self.derive_nodes_from_cells()

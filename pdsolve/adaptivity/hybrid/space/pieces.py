@@ -7,6 +7,7 @@ read shortly before. Pieces with the same two ends are one spring.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.arrangement import (
-    ENDS,
     BondPieceEndPoints,
     ClippedBondPiece,
     FineLattice,
@@ -45,7 +45,7 @@ class BondPieceGroupsOfEight(NamedTuple):
 class GroupedBondPieceSprings(NamedTuple):
     """The springs of pieces between q points, which move with nodes."""
 
-    points: BondPieceEndPoints  # with the rows of nodes
+    points: BondPieceEndPoints  # with fine places of nodes, or -1 - coarse places
     groups: BondPieceGroupsOfEight
     xi: NDArray[np.float64]  # (d, 4) xi, m, 1 / |xi|^2
     point_displacements: NDArray[np.float64]  # (q, 4) room for the displacements of points; the last column is 0
@@ -64,9 +64,13 @@ class PlaceHashTable(NamedTuple):
 
 
 def create_grouped_bond_piece_springs(
-    fine: FineLattice, node_kinds: NDArray[np.uint8], row_at_site: NDArray[np.int32], pieces: NDArray[ClippedBondPiece]
+    fine: FineLattice,
+    node_kinds: NDArray[np.uint8],
+    encode_places: Callable[[NDArray[np.int32]], NDArray[np.int64]],
+    pieces: NDArray[ClippedBondPiece],
 ) -> GroupedBondPieceSprings:
-    """The springs of pieces; `node_kinds` and `row_at_site` (sites,) are those of fine nodes."""
+    """The springs of pieces; `node_kinds` (sites,) are those of fine nodes, and `encode_places` says where the nodes at
+    fine sites are: their places on the fine lattice, or -1 less those on the coarse one."""
     count = len(pieces)
     room = count + (TOGETHER - 1) * (np.count_nonzero(np.diff(pieces["near_end_place"])) + 1) if count else 0
     group_count, entry_count = room // TOGETHER, room // TOGETHER * TOGETHER
@@ -87,10 +91,11 @@ def create_grouped_bond_piece_springs(
         if points >= 0:
             break
         size *= 2
-    interpolation_nodes = create_bond_piece_end_points(fine, node_kinds, numbers.place_of_number[:points])
+    ends = create_bond_piece_end_points(fine, node_kinds, numbers.place_of_number[:points])
+    places = encode_places(ends.interpolation_nodes)
     u, force = (aligned(np.zeros((points, 4))) for _ in range(2))
     return GroupedBondPieceSprings(
-        interpolation_nodes._replace(interpolation_nodes=row_at_site[interpolation_nodes.interpolation_nodes]),
+        ends._replace(interpolation_nodes=places.astype(np.int32)),
         BondPieceGroupsOfEight._make(column[: used * len(column) // max(group_count, 1)] for column in groups),
         fine.distinct_piece_xi,
         u,
@@ -159,12 +164,13 @@ def _find_or_add_place_number(place_table, place, count):  # type: ignore[no-unt
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def add_bond_piece_forces(value, pieces, force):  # type: ignore[no-untyped-def]
-    """Add the forces of `pieces` on nodes, N, to `force` (n, 3), at displacements `value` (n, 3).
+def add_bond_piece_forces(fine_u, coarse_u, pieces, fine_force, coarse_force):  # type: ignore[no-untyped-def]
+    """Add the forces of `pieces` on nodes, N, to `fine_force` (3, m) and `coarse_force` (3, q), at displacements of
+    both lattices.
 
     Returns the largest e of those that could break.
     """
-    _set_point_displacements(value, pieces)
+    _set_point_displacements(fine_u, coarse_u, pieces)
     u, sums, groups, points = pieces.point_displacements, pieces.point_forces, pieces.groups, pieces.points
     xi, far, rows = pieces.xi, groups.far_point, groups.xi_row
     k, least = groups.stiffness, groups.limit_strain_ratio
@@ -177,29 +183,36 @@ def add_bond_piece_forces(value, pieces, force):  # type: ignore[no-untyped-def]
         )
     for q in range(len(points.interpolation_node_count)):
         for m in range(points.interpolation_node_count[q]):
-            row, share = points.interpolation_nodes[q, m], points.interpolation_weights[q, m]
+            place, share = points.interpolation_nodes[q, m], points.interpolation_weights[q, m]
             for axis in range(3):
-                force[row, axis] += share * sums[q, axis]
-    return pieces.largest_scaled_strains.max()
+                if place >= 0:
+                    fine_force[axis, place] += share * sums[q, axis]
+                else:
+                    coarse_force[axis, -1 - place] += share * sums[q, axis]
+    largest = 0.0
+    for e in pieces.largest_scaled_strains:
+        largest = max(largest, e)
+    return largest
 
 
 @njit(**INNER)
-def _set_point_displacements(value, pieces):  # type: ignore[no-untyped-def]
+def _set_point_displacements(fine_u, coarse_u, pieces):  # type: ignore[no-untyped-def]
     """Fill in the displacements of the points."""
     points, u = pieces.points, pieces.point_displacements
     for q in range(len(points.interpolation_node_count)):
-        x = y = z = 0.0
-        for m in range(points.interpolation_node_count[q]):
-            row, share = points.interpolation_nodes[q, m], points.interpolation_weights[q, m]
-            x, y, z = x + share * value[row, 0], y + share * value[row, 1], z + share * value[row, 2]
-        u[q, 0], u[q, 1], u[q, 2] = x, y, z
+        for axis in range(3):
+            displacement = 0.0
+            for m in range(points.interpolation_node_count[q]):
+                place, share = points.interpolation_nodes[q, m], points.interpolation_weights[q, m]
+                displacement += share * (fine_u[axis, place] if place >= 0 else coarse_u[axis, -1 - place])
+            u[q, axis] = displacement
 
 
 @cached_njit(nogil=True, error_model="numpy")
-def add_bond_piece_energies(value, pieces, site_mask, node_energy):  # type: ignore[no-untyped-def]
-    """Add the energies of pieces, J, to `node_energy` (n,), half to each end; of those with their near ends at fine
-    sites of `site_mask` (sites,) alone."""
-    _set_point_displacements(value, pieces)
+def add_bond_piece_energies(fine_u, coarse_u, pieces, site_mask, fine_energy, coarse_energy):  # type: ignore[no-untyped-def]
+    """Add the energies of pieces, J, to those of fine (m,) and coarse places (q,), half to each end; of those with
+    their near ends at fine sites of `site_mask` (sites,) alone."""
+    _set_point_displacements(fine_u, coarse_u, pieces)
     energy, u, groups, points = pieces.point_forces, pieces.point_displacements, pieces.groups, pieces.points
     energy[:] = 0
     for n in range(len(groups.stiffness)):
@@ -215,34 +228,8 @@ def add_bond_piece_energies(value, pieces, site_mask, node_energy):  # type: ign
         energy[j, 0] += end_energy
     for q in range(len(points.interpolation_node_count)):
         for m in range(points.interpolation_node_count[q]):
-            node_energy[points.interpolation_nodes[q, m]] += points.interpolation_weights[q, m] * energy[q, 0]
-
-
-@cached_njit(nogil=True)
-def copy_displacements_to_sites(rows, sites, value, u):  # type: ignore[no-untyped-def]
-    """Displacements of the nodes `rows` (k,) to their sites (k,) of u (3, m)."""
-    for n in range(len(rows)):
-        for axis in range(3):
-            u[axis, sites[n]] = value[rows[n], axis]
-
-
-@cached_njit(nogil=True)
-def interpolate_border_displacements(rows, w, value, u):  # type: ignore[no-untyped-def]
-    """Displacements of the nodes on the border to u (b, 3), from those of nodes `rows` (b, 4) with weights `w`."""
-    for n in range(len(u)):
-        for axis in range(3):
-            displacement = 0.0
-            for m in range(ENDS):
-                displacement += w[n, m] * value[rows[n, m], axis]
-            u[n, axis] = displacement
-
-
-@cached_njit(nogil=True)
-def distribute_border_densities_to_coarse_nodes(border, rows, w, volume, force):  # type: ignore[no-untyped-def]
-    """Pass what is on the border (b, ...) per volume (b,), m^3, on to the nodes `rows` (b, 4) of `force`."""
-    for n in range(len(rows)):
-        for m in range(ENDS):
-            share = w[n, m] * volume[n]
-            if share != 0:
-                for axis in range(force.shape[1]):
-                    force[rows[n, m], axis] += share * border[n, axis]
+            place, share = points.interpolation_nodes[q, m], points.interpolation_weights[q, m] * energy[q, 0]
+            if place >= 0:
+                fine_energy[place] += share
+            else:
+                coarse_energy[-1 - place] += share

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import prod
 
 import numpy as np
@@ -15,7 +16,8 @@ from pdsolve.adaptivity.hybrid.space.arrangement import (
     list_distinct_bond_piece_vectors,
     locate_bond_part_ends,
 )
-from pdsolve.adaptivity.hybrid.space.layout import FullBody, ZoneHistory, create_body_zone
+from pdsolve.adaptivity.hybrid.space.engine import BodyEngine
+from pdsolve.adaptivity.hybrid.space.layout import FullBody
 from pdsolve.adaptivity.hybrid.space.materials import (
     least_peak_stretches,
     limit_strain_ratios_of_pairs,
@@ -24,7 +26,7 @@ from pdsolve.adaptivity.hybrid.space.materials import (
 from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.hybrid.space.zone import initial_cell_kinds
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.conditions import Drive, Entries, damping, drive, drive_of, put_loads
+from pdsolve.conditions import damping, drive, initial_velocity
 from pdsolve.lattice import tile_bonds
 from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tile_bonds import INVERSE, PULL
@@ -43,8 +45,11 @@ SHEAR = 1e-6  # of the block in which tau is found
 CUBE = 8  # cells along the side of the block in which tau is found
 
 
-def create_body_operator(model: Model, precision: str, threads: int) -> HybridBodyOperator:
-    """The operator at the start, whose motion has this `precision`.
+def create_body_operator_and_stable_step(
+    model: Model, precision: str, choose_time_step: Callable[[Model, float], float], threads: int
+) -> tuple[HybridBodyOperator, float]:
+    """The operator at the start, whose motion has this `precision`, and the surely stable step, s; `choose_time_step`
+    chooses the step.
 
     Raises ModelError for a body that the method does not support.
     """
@@ -81,7 +86,10 @@ def create_body_operator(model: Model, precision: str, threads: int) -> HybridBo
         damping_rates=damping(model),
     )
     vertex_force, kind = compute_vertex_force_ratio(law, tiles.vectors, h), np.dtype(precision).type
-    return create_operator_of_cells(full_body, cells, vertex_force, threads, kind)
+    engine, bound = BodyEngine(full_body, cells, vertex_force, threads, kind), float(np.sqrt(2 / resistance))
+    engine.time_step = choose_time_step(model, bound)
+    engine.initialize_motion(initial_velocity(model))
+    return HybridBodyOperator(engine), bound
 
 
 def create_operator_of_cells(
@@ -92,11 +100,7 @@ def create_operator_of_cells(
     kind: type[np.floating] = np.float64,
 ) -> HybridBodyOperator:
     """The operator of these cells (c,), whose motion has the precision `kind`."""
-    elastic = coarse_springs.cubic_stiffness(full_body.fine_lattice.tiles.vectors)
-    strength = coarse_springs.coarse_spring_stiffnesses(elastic, vertex_force_ratio, full_body.fine_sites.spacing)
-    springs = coarse_springs.create_spring_tiles(full_body.law, full_body.coarse_sites, strength)
-    zone = create_body_zone(full_body, cells, springs, kind)
-    return HybridBodyOperator(full_body, zone, ZoneHistory(0.0, 0.0), threads)
+    return HybridBodyOperator(BodyEngine(full_body, cells, vertex_force_ratio, threads, kind))
 
 
 def create_full_body(law: Law, model: Model | None, sites: Sites, tiles: Tiles) -> FullBody:
@@ -153,43 +157,9 @@ def compute_vertex_force_ratio(law: Law, table: NDArray[np.floating], h: float) 
     cells = np.pad(cells, full_body.fine_lattice.numbering.cells.margins[0], constant_values=VOID)
     operator = create_operator_of_cells(full_body, cells.ravel(), 0.0)
     vertex = CUBE * (1 + nodes + nodes**2)
-    value, row = np.zeros((len(operator.sites), 3)), np.searchsorted(operator.sites, vertex)
-    value[:, 1] = SHEAR * h * (operator.sites // nodes**2)
+    value, row = np.zeros((len(operator.places), 3)), np.searchsorted(operator.places, vertex)
+    value[:, 1] = SHEAR * h * (operator.places // nodes**2)
     force = (operator.forces_at_displacements(value) - operator.forces_at_displacements(-value))[
         row, 0
     ] / 2  # without what is quadratic in the shear
     return abs(float(force)) / (coarse_springs.cubic_stiffness(table).c11 * h**2 * SHEAR)
-
-
-def create_conditions_of_current_nodes(operator: HybridBodyOperator, time: float) -> Drive:
-    """Conditions of the whole body on the current nodes, with the body forces of `time`, s."""
-    every, model = operator.full_body.full_drive, operator.full_body.model
-    assert every is not None
-    assert model is not None
-    holds, loads, cells = every.holds, every.loads, model.grid.cells
-    row = operator.current_rows_of_grid_rows(holds.node)
-    is_node = row >= 0
-    node_holds = Entries(
-        row[is_node], holds.axis[is_node], holds.value[is_node], holds.profile[is_node], holds.kind[is_node]
-    )
-    acting = loads.value != 0
-    rows, w = operator.interpolation_rows_and_weights_of_grid_rows(loads.node[acting])
-    force = (w * (loads.value * cells[loads.node])[acting, None]).ravel()
-    columns = [np.repeat(column[acting], rows.shape[1]) for column in (loads.profile, loads.axis)]
-    key = np.column_stack([*columns, rows.ravel()])
-    key, force = key[force != 0], force[force != 0]
-    which, at = np.unique(key, axis=0, return_inverse=True)
-    sums = np.bincount(at.ravel(), force, minlength=len(which)) if len(which) else np.zeros(0)
-    profile, axis, node = which.T.astype(np.int64)
-    loaded = Entries(node, axis, sums / operator.volume[node], profile, np.zeros(len(node), dtype=np.int64))
-    shape = len(operator.volume), operator.unknowns[0].width
-    node_drive = drive_of([], [], [], shape, operator.kind.type)._replace(
-        profiles=every.profiles, loads=loaded, holds=node_holds, varies=every.varies
-    )
-    node_drive = node_drive._replace(
-        held_force=np.zeros(len(node_holds.node)), held_speed=np.zeros(len(node_holds.node))
-    )
-    put_loads(node_drive, time)
-    node_drive.before[:] = node_drive.force
-    node_drive.held_force[:] = node_drive.force[node_holds.node, node_holds.axis]
-    return node_drive
