@@ -32,7 +32,7 @@ RIGHT_ANSWERS = (
     ),
     # families that lose bonds
     Mutant(
-        "pdsolve/laws/correspondence.py",
+        "pdsolve/laws/gradient.py",
         "        law.share[rows[sound]] = share[sound]\n",
         "",
         "tests/verification/test_families_that_lose_bonds.py::test_torn_families_are_no_stiffer_than_straight_faces",

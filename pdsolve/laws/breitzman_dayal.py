@@ -21,10 +21,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws import correspondence
+from pdsolve.laws import gradient
 from pdsolve.laws.bond_arrays import AnyList, left
-from pdsolve.laws.correspondence import ENERGY, STRESS, STRETCH
-from pdsolve.laws.largest_principal_stress import principal
+from pdsolve.laws.gradient import ENERGY
 from pdsolve.laws.law import INLINE, Failure, IntermediatePass, Law, Passes
 from pdsolve.laws.materials.solid import SolidColumns, energies, respond
 from pdsolve.model import Model
@@ -51,7 +50,7 @@ class BreitzmanDayalColumns(NamedTuple):
 
 def columns(model: Model, bonds: Bonds) -> BreitzmanDayalColumns:
     """Columns of these bonds (b,) and their nodes."""
-    nodal, nodes = correspondence.columns(model, bonds), len(bonds.start) - 1
+    nodal, nodes = gradient.columns(model, bonds), len(bonds.start) - 1
     total = np.bincount(bonds.source, bonds.weight, minlength=nodes).astype(bonds.xi.dtype)
     shared = {name: getattr(nodal, name) for name in BreitzmanDayalColumns._fields if name != "total"}
     return BreitzmanDayalColumns(total=total, **shared)
@@ -59,7 +58,7 @@ def columns(model: Model, bonds: Bonds) -> BreitzmanDayalColumns:
 
 def update_after_breakage(law: BreitzmanDayalColumns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Recompute K^-1 and w of these nodes (k,) from the intact bonds; nodes of torn, stiffer families have no K^-1."""
-    correspondence.update_after_breakage(law, bonds, rows)  # type: ignore[arg-type]
+    gradient.update_after_breakage(law, bonds, rows)  # type: ignore[arg-type]
     law.inverse[rows[law.share[rows] < 1]] = 0
     intact_bonds = left(bonds, law.weight, law.broken, rows)
     initial_total = np.bincount(intact_bonds.own, law.weight[intact_bonds.which], minlength=len(rows))
@@ -82,7 +81,7 @@ def fields(
     law: BreitzmanDayalColumns, value: NDArray[np.floating], m: NDArray[np.floating]
 ) -> dict[str, NDArray[np.float64]]:
     """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
-    return correspondence.shown(law.d, law.solid, m, law.d * law.d)
+    return gradient.shown(law.d, law.solid, m, law.d * law.d)
 
 
 def first_pass(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
@@ -101,7 +100,7 @@ def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
             for c in range(d):
                 total += m[i, d * a + c] * law.inverse[i, d * c + b]
             m[i, d * d + d * a + b] = total
-    correspondence.answer(law, i, m, d * d)
+    gradient.answer(law, i, m, d * d)
 
 
 def intermediate_pass(law, bond, now, i, j, k, m, more):  # type: ignore[no-untyped-def]
@@ -202,22 +201,16 @@ def accumulate_bond_force(law, bond, now, m, i, j, k, f):  # type: ignore[no-unt
 
 
 def may_fail(law, i, m):  # type: ignore[no-untyped-def]
-    return correspondence.may_fail_at(law, i, m, 2 * law.d * law.d)
+    return gradient.may_fail_at(law, i, m, 2 * law.d * law.d)
 
 
 def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-    if law.broken[k] != 0:
-        return False
-    if law.failure == STRESS:
-        return principal(law, m, i, j, 2 * law.d * law.d) > law.limit[k]
-    if bond.stretch <= 0:
-        return False
-    if law.failure == STRETCH:
-        return bond.stretch > law.limit[k]
+    if law.failure != ENERGY or law.broken[k] != 0 or bond.stretch <= 0:
+        return gradient.fails_but_by_energy(law, bond, m, i, j, k, 2 * law.d * law.d)
     P, along = _stress(law, bond, m, i, j), bond.stretch * 0
     for a in range(len(bond.xi)):
         along += _component(law, bond, P, m, i, j, k, a) * (bond.xi[a] + bond.eta[a])
-    return law.failure == ENERGY and along * bond.stretch / bond.q > 2 * law.weight[k] * law.limit[k]
+    return along * bond.stretch / bond.q > 2 * law.weight[k] * law.limit[k]
 
 
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
@@ -233,7 +226,7 @@ LAW = Law(
     passes=Passes(accumulate_bond_force, first_pass, finish_pass),
     energy=energy,
     width=rows,
-    scale=correspondence.scale,
+    scale=gradient.scale,
     failure=Failure(may_fail, fails),
     again=IntermediatePass(intermediate_pass, finish_intermediate_pass),
     update_after_breakage=update_after_breakage,

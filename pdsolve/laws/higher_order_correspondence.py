@@ -24,10 +24,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds, find
-from pdsolve.laws import correspondence
+from pdsolve.laws import gradient
 from pdsolve.laws.bond_arrays import AnyList, list_of
-from pdsolve.laws.correspondence import BESIDE, FAILURES, NEVER, POWER, ROUND, STRESS, STRETCH
-from pdsolve.laws.largest_principal_stress import principal
+from pdsolve.laws.gradient import BESIDE, ENERGY, FAILURES, NEVER, POWER, ROUND
 from pdsolve.laws.law import INLINE, INNER, Failure, Law, NodeHistory, Passes
 from pdsolve.laws.materials.solid import SolidColumns, solid_of
 from pdsolve.model import Model, ModelError
@@ -77,9 +76,7 @@ def columns(model: Model, bonds: Bonds) -> HigherOrderCorrespondenceColumns:
         t=np.zeros((nodes, wide, d), kind),
         root=np.sqrt(bonds.weight),
         back=back,
-        control=(correspondence.silling(model, total, d) if first.control == "silling" else np.zeros(nodes)).astype(
-            kind
-        ),
+        control=(gradient.silling(model, total, d) if first.control == "silling" else np.zeros(nodes)).astype(kind),
         weight=bonds.weight,
         itself=itself.astype(kind),
         limit=bonds.limit,
@@ -158,7 +155,7 @@ def _refit(law: HigherOrderCorrespondenceColumns, bonds: AnyList, rows: NDArray[
         limit = np.inf if intact.all() else law.stiffest[0]
         while True:
             Q, t, order = fit(xi, root, order, itself, law.horizon[i])
-            q = correspondence.stiffness_of(root[:, None] * (Q[: len(xi)] @ t)) * law.horizon[i] ** 2
+            q = gradient.stiffness_of(root[:, None] * (Q[: len(xi)] @ t)) * law.horizon[i] ** 2
             if q <= limit or order == 1:
                 break
             order -= 1
@@ -194,7 +191,7 @@ def fields(
     law: HigherOrderCorrespondenceColumns, value: NDArray[np.floating], m: NDArray[np.floating]
 ) -> dict[str, NDArray[np.float64]]:
     """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
-    return correspondence.shown(law.d, law.solid, m, 2 * law.d * law.q.shape[1])
+    return gradient.shown(law.d, law.solid, m, 2 * law.d * law.q.shape[1])
 
 
 def first_pass(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
@@ -215,7 +212,7 @@ def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
             for r in range(p):
                 total += m[i, d * (p + r) + a] * law.t[i, r, b]
             m[i, at + d * a + b] = total
-    P = correspondence.answer(law, i, m, at)
+    P = gradient.answer(law, i, m, at)
     z = law.control[i]
     for r in range(p):
         for a in range(d):
@@ -245,20 +242,12 @@ def accumulate_bond_force(law, bond, now, m, i, j, k, f):  # type: ignore[no-unt
 
 
 def may_fail(law, i, m):  # type: ignore[no-untyped-def]
-    if law.failure == STRESS:
-        return principal(law, m, i, i, _stresses(law)) > law.least
-    return law.failure != NEVER
+    return gradient.may_fail_at(law, i, m, _stresses(law))
 
 
 def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
-    if law.broken[k] != 0:
-        return False
-    if law.failure == STRESS:
-        return principal(law, m, i, j, _stresses(law)) > law.limit[k]
-    if bond.stretch <= 0:
-        return False
-    if law.failure == STRETCH:
-        return bond.stretch > law.limit[k]
+    if law.failure != ENERGY or law.broken[k] != 0 or bond.stretch <= 0:
+        return gradient.fails_but_by_energy(law, bond, m, i, j, k, _stresses(law))
     along = bond.stretch * 0
     for a in range(len(bond.xi)):
         along += _component(law, bond, m, i, j, k, a) * (bond.xi[a] + bond.eta[a])
@@ -272,11 +261,11 @@ def _stresses(law):  # type: ignore[no-untyped-def]
 
 
 def update_history(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
-    correspondence.update_history_at(law, i, m, _stresses(law) - law.d * law.d, m[i, 0] * 0)
+    gradient.update_history_at(law, i, m, _stresses(law) - law.d * law.d, m[i, 0] * 0)
 
 
 def nodal_energy(law, i, m):  # type: ignore[no-untyped-def]
-    strain_energy, spent = correspondence.nodal_energy_at(law, i, m, _stresses(law) - law.d * law.d, m[i, 0] * 0)
+    strain_energy, spent = gradient.nodal_energy_at(law, i, m, _stresses(law) - law.d * law.d, m[i, 0] * 0)
     if law.itself[i] > 0:
         for a in range(law.d):
             missed = _missed(law, m, i, law.own[i], law.itself[i], strain_energy * 0, a)
@@ -314,6 +303,6 @@ LAW = Law(
     failure=Failure(may_fail, fails),
     nodes=NodeHistory(("history",), update_history, nodal_energy),
     update_after_breakage=update_after_breakage,
-    torn_stiffness=correspondence.torn_stiffness,
+    torn_stiffness=gradient.torn_stiffness,
     fields=fields,
 )

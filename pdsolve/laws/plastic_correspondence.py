@@ -22,9 +22,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds, find
-from pdsolve.laws import correspondence
+from pdsolve.laws import gradient
 from pdsolve.laws.bond_arrays import AnyList, deformed, left, reference
-from pdsolve.laws.correspondence import fails_at, lifted, nodal_energy_at, update_history_at
+from pdsolve.laws.gradient import fails_at, lifted, nodal_energy_at, update_history_at
 from pdsolve.laws.law import INNER, Failure, Law, NodeHistory, Sums
 from pdsolve.laws.materials.solid import NEO_HOOKE, SVK, SolidColumns, respond
 from pdsolve.laws.materials.tensors import (
@@ -68,7 +68,7 @@ class PlasticCorrespondenceColumns(NamedTuple):
 
 def columns(model: Model, bonds: Bonds) -> PlasticCorrespondenceColumns:
     """Columns of these bonds (b,) and their nodes."""
-    elastic, source, slip = correspondence.columns(model, bonds), bonds.source, np.zeros_like(bonds.xi.T, order="C")
+    elastic, source, slip = gradient.columns(model, bonds), bonds.source, np.zeros_like(bonds.xi.T, order="C")
     shared = {name: getattr(elastic, name) for name in PlasticCorrespondenceColumns._fields if hasattr(elastic, name)}
     d, unit = elastic.d, np.eye(elastic.d).ravel()
     if model.materials[0].control != "wan":
@@ -93,7 +93,7 @@ def columns(model: Model, bonds: Bonds) -> PlasticCorrespondenceColumns:
 
 def update_after_breakage(law: PlasticCorrespondenceColumns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Recompute K^-1 and Z of these nodes (k,) from the intact bonds, and what of p has no linear part of theirs."""
-    correspondence.update_after_breakage(law, bonds, rows)  # type: ignore[arg-type]
+    gradient.update_after_breakage(law, bonds, rows)  # type: ignore[arg-type]
     intact_bonds, d = left(bonds, law.weight, law.broken, rows), law.d
     torn = np.bincount(intact_bonds.own, law.broken[intact_bonds.which] != 0, minlength=len(rows)) > 0
     without = rows[torn & (law.share[rows] == 0)]
@@ -122,7 +122,7 @@ def fields(
     law: PlasticCorrespondenceColumns, value: NDArray[np.floating], m: NDArray[np.floating]
 ) -> dict[str, NDArray[np.float64]]:
     """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
-    return correspondence.shown(law.d, law.solid, m, 3 * law.d * law.d)
+    return gradient.shown(law.d, law.solid, m, 3 * law.d * law.d)
 
 
 def numbers(law, i, j, k):  # type: ignore[no-untyped-def]
@@ -241,7 +241,7 @@ def bond_force(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[n
 
 
 def may_fail(law, i, m):  # type: ignore[no-untyped-def]
-    return correspondence.may_fail_at(law, i, m, 4 * law.d * law.d)
+    return gradient.may_fail_at(law, i, m, 4 * law.d * law.d)
 
 
 def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
@@ -283,8 +283,8 @@ def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     g, c = d * d, m[i, _behind(law)]
     for a in range(d):
         for b in range(d):
-            z, p = correspondence.deviation(bond, m, i, 3 * g, a), law.slip[a, k]
-            deviation_energy += c * m[i, g + d * a + b] * z * correspondence.deviation(bond, m, i, 3 * g, b)
+            z, p = gradient.deviation(bond, m, i, 3 * g, a), law.slip[a, k]
+            deviation_energy += c * m[i, g + d * a + b] * z * gradient.deviation(bond, m, i, 3 * g, b)
             deviation_energy -= 2 * c * m[i, 2 * g + d * a + b] * z * law.slip[b, k]
             deviation_energy += c * c * law.control[i, d * a + b] * p * law.slip[b, k]
     return law.weight[k] * deviation_energy / 2, 0.0
@@ -296,10 +296,10 @@ LAW = Law(
     passes=Sums(numbers, initial_sums, accumulate, finish_pass, nodal_numbers, bond_force),
     energy=energy,
     width=width,
-    scale=correspondence.scale,
+    scale=gradient.scale,
     failure=Failure(may_fail, fails),
     nodes=NodeHistory(("history", "slip"), update_history, nodal_energy),
     update_after_breakage=update_after_breakage,
-    torn_stiffness=correspondence.torn_stiffness,
+    torn_stiffness=gradient.torn_stiffness,
     fields=fields,
 )

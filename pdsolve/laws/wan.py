@@ -18,9 +18,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.laws import correspondence
+from pdsolve.laws import gradient
 from pdsolve.laws.bond_arrays import AnyList, Tabled
-from pdsolve.laws.correspondence import (
+from pdsolve.laws.gradient import (
     deviation,
     fails_at,
     finish_sums_of,
@@ -46,19 +46,19 @@ from pdsolve.laws.small_tensors import (
 from pdsolve.model import Model
 
 
-class WanCorrespondenceColumns(correspondence.CorrespondenceColumns):
+class WanCorrespondenceColumns(gradient.CorrespondenceColumns):
     """Columns of n nodes and b bonds, in d dimensions; `control` (n, d d) is K^-1 of whole families."""
 
 
 def columns(model: Model, bonds: Bonds) -> WanCorrespondenceColumns:
     """Columns of these bonds (b,) and their nodes."""
-    law = correspondence.columns(model, bonds)
+    law = gradient.columns(model, bonds)
     return WanCorrespondenceColumns(*law._replace(control=law.inverse.copy()))
 
 
 def update_after_breakage(law: WanCorrespondenceColumns, bonds: AnyList, rows: NDArray[np.int64]) -> None:
     """Recompute K^-1 and the share of the stress of these nodes (k,); those without a share have no gradient."""
-    correspondence.update_after_breakage(law, bonds, rows)
+    gradient.update_after_breakage(law, bonds, rows)
     law.inverse[rows[law.share[rows] == 0]] = 0
 
 
@@ -71,7 +71,7 @@ def fields(
     law: WanCorrespondenceColumns, value: NDArray[np.floating], m: NDArray[np.floating]
 ) -> dict[str, NDArray[np.float64]]:
     """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
-    return correspondence.shown(law.d, law.solid, m, 2 * law.d * law.d)
+    return gradient.shown(law.d, law.solid, m, 2 * law.d * law.d)
 
 
 def numbers(law, i, j, k):  # type: ignore[no-untyped-def]
@@ -169,7 +169,7 @@ def _turned_in_the_plane(sums, H, P, Z):  # type: ignore[no-untyped-def]
 
 def tabled(law: WanCorrespondenceColumns, bonds: Bonds) -> Tabled:
     """Data of bonds (b,) for the block kernels."""
-    return correspondence.watched(law, (law.weight,), nodal_count=8)
+    return gradient.watched(law, (law.weight,), nodal_count=8)
 
 
 def standing(law: WanCorrespondenceColumns, rows: NDArray[np.int64]) -> NDArray[np.floating]:
@@ -205,7 +205,7 @@ def bond_force(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[n
 
 
 def may_fail(law, i, m):  # type: ignore[no-untyped-def]
-    return correspondence.may_fail_at(law, i, m, 3 * law.d * law.d)
+    return gradient.may_fail_at(law, i, m, 3 * law.d * law.d)
 
 
 def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
@@ -237,11 +237,11 @@ LAW = Law(
     passes=Sums(numbers, initial_sums, accumulate, finish_pass, nodal_numbers, bond_force),
     energy=energy,
     width=rows,
-    scale=correspondence.scale,
+    scale=gradient.scale,
     failure=Failure(may_fail, fails),
     nodes=NodeHistory(("history",), update_history, nodal_energy),
-    lanes=Lanes(finish_sums, correspondence.margin, tabled, standing, correspondence.by_lanes),
+    lanes=Lanes(finish_sums, gradient.margin, tabled, standing, gradient.by_lanes),
     update_after_breakage=update_after_breakage,
-    torn_stiffness=correspondence.torn_stiffness,
+    torn_stiffness=gradient.torn_stiffness,
     fields=fields,
 )
