@@ -27,7 +27,7 @@ from pdmesh.model.material_constants import critical_stretch
 from pdpost.figures import field_figure
 from pdpost.figures.style import save, styled
 from pdsolve.laws import limits
-from pdsolve.laws.bond_limits import Sizes
+from pdsolve.laws.law import Sizes
 from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.run.prepare import prepare

@@ -12,11 +12,11 @@ from pdmesh.lazy_imports import lazily
 
 if TYPE_CHECKING:
     from pdpost import figures
-    from pdpost.figures.notebook import notebook_png
+    from pdpost.figures.field_figure import notebook_png
+    from pdpost.measures.bond_pairs import largest_displacement, largest_stretch
     from pdpost.measures.crack_3d import CrackSurfaceSummary, crack_3d
     from pdpost.measures.crack_summary import CrackPathSummary, crack, crack_table
-    from pdpost.measures.deformation_maxima import largest_displacement, largest_stretch
-    from pdpost.reading.table_columns import study_table
+    from pdpost.reading.studies import study_table
     from pdsolve.results import Results
 else:
     __getattr__, __dir__ = lazily(
@@ -29,10 +29,10 @@ else:
             "crack_3d": "pdpost.measures.crack_3d",
             "crack_table": "pdpost.measures.crack_summary",
             "figures": "pdpost.figures",
-            "largest_displacement": "pdpost.measures.deformation_maxima",
-            "largest_stretch": "pdpost.measures.deformation_maxima",
-            "notebook_png": "pdpost.figures.notebook",
-            "study_table": "pdpost.reading.table_columns",
+            "largest_displacement": "pdpost.measures.bond_pairs",
+            "largest_stretch": "pdpost.measures.bond_pairs",
+            "notebook_png": "pdpost.figures.field_figure",
+            "study_table": "pdpost.reading.studies",
         },
     )
 

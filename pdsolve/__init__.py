@@ -18,9 +18,8 @@ if TYPE_CHECKING:
     from pdsolve.run.simulation import resume, simulate
     from pdsolve.schemes import bond_pairs
     from pdsolve.study.description import Study, StudyError, read_study
-    from pdsolve.study.dispatch import Crew, solve_study
+    from pdsolve.study.dispatch import Crew, StudyWatch, solve_study
     from pdsolve.study.plan import plan_study, study_plan_lines
-    from pdsolve.study.progress import StudyWatch
 else:
     __getattr__, __dir__ = lazily(
         __name__,
@@ -35,7 +34,7 @@ else:
             "ResultsError": "pdsolve.results",
             "Study": "pdsolve.study.description",
             "StudyError": "pdsolve.study.description",
-            "StudyWatch": "pdsolve.study.progress",
+            "StudyWatch": "pdsolve.study.dispatch",
             "UnstableError": "pdsolve.errors",
             "Watch": "pdsolve.run.progress",
             "bond_pairs": "pdsolve.schemes",

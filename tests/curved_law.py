@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pdsolve.laws.bond_limits import Limits
-from pdsolve.laws.law import Pair, Softening
+from pdsolve.laws.law import Limits, Pair, Softening
 from pdsolve.laws.pair import PairColumns, pair_law
 
 

@@ -26,7 +26,7 @@ from pdmesh.model.document import write_file
 from pdmesh.model.node_grid import document_of
 from pdsolve.results.side_files import LOGS, MAGIC
 from pdsolve.run.simulation import simulate
-from pdsolve.study import dispatch, one_run, table_checksums
+from pdsolve.study import dispatch, one_run
 
 PATIENCE = 60  # s until a command has no end, waiting included
 ANSWERS = 0, 1, 2, 3
@@ -239,7 +239,7 @@ def study_tables(case: Case) -> tuple[str, list[Command]]:
         with contextlib.suppress(Exception):
             connection.execute("DROP TABLE checksum")
             if chance.random() < 0.7:
-                table_checksums.begin(connection)
+                table.begin(connection)
         connection.commit()
     return ", ".join(done), study_commands(case)
 

@@ -279,7 +279,7 @@ RIGHT_ANSWERS = (
         "tests/unit/pdsolve/diffusion/test_masses.py::test_held_nodes_exchange_nothing_and_are_supplied_nothing",
     ),
     Mutant(
-        "pdpost/measures/predicted_directions.py",
+        "pdpost/measures/directions.py",
         "way.angle_from_pre_crack - angle",
         "way.angle_from_pre_crack",
         "tests/unit/pdpost/measures/test_predicted_directions.py::test_the_last_frame_before_bonds_broke_predicts",

@@ -54,7 +54,7 @@ MUTANTS = (
         "tests/formats/test_epochs.py::test_what_was_born_and_died_after_the_checkpoint_is_dropped",
     ),
     Mutant(
-        "pdsolve/results/node_lifetimes.py",
+        "pdsolve/results/schema.py",
         "return np.flatnonzero((self.birth <= step) & (step < self.death))",
         "return np.flatnonzero((self.birth <= step) & (step <= self.death))",
         "tests/formats/test_epochs.py::test_each_frame_has_the_nodes_there_were",

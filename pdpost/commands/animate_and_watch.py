@@ -116,7 +116,7 @@ def _watch(args: argparse.Namespace) -> int:
     from pdpost.figures import field_figure, style
     from pdpost.measures.fields import default_field_name
     from pdpost.reading import watching
-    from pdpost.reading.time_text import time_text
+    from pdpost.reading.frame_steps import time_text
     from pdsolve.results import Results
 
     def chosen(field: str) -> Path:

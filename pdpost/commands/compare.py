@@ -58,7 +58,7 @@ def _compare(args: argparse.Namespace) -> int:
     from pdpost.figures import frames_figure, style
     from pdpost.measures import fields
     from pdpost.measures.plate_geometry import expect_same_plate
-    from pdpost.reading.time_text import time_text
+    from pdpost.reading.frame_steps import time_text
     from pdsolve.results import Results
 
     files: list[Path] = args.results

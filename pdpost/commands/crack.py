@@ -1,4 +1,7 @@
-"""When, where and how fast the crack ran, how many pieces are left, and its distance from another run's crack."""
+"""When, where and how fast the crack ran, how many pieces are left, and its distance from another run's crack.
+
+Of a study, the crack paths of all runs are in one figure.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from pdmesh import commandline
 from pdmesh.model.output_fields import CRACKED
-from pdpost.commands import number_options, overlay
+from pdpost.commands import shared
 from pdpost.commands.shared import (
     NO_PICTURE,
     add_csv,
@@ -25,6 +28,58 @@ from pdpost.commands.shared import (
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
     from pdsolve.results import Results
+
+ALONE = ("compare", "along", "frame", "step", "time")  # options that a study does not have
+
+
+def overlaid(args: argparse.Namespace, threshold: float) -> int:
+    """Draw the crack paths of all runs of a study, for `pdpost crack`; returns the exit code."""
+    from pdpost.measures import paths
+    from pdpost.measures.plate_geometry import expect_same_plate
+    from pdpost.reading import studies
+    from pdpost.reading.frame_steps import last_step
+    from pdsolve.results import Results, ResultsError
+
+    if any(getattr(args, name) is not None for name in ALONE):
+        raise commandline.UsageError(f"a study cannot be combined with --{', --'.join(ALONE)}; give the study alone")
+    picture = picture_path(args, ".paths.png")
+    study = studies.read(args.results)
+    with shared.styled(picture, dict(args.assignments)), Results.open(study.rows[0].file) as first:
+        if first.dimension == 3:
+            raise ResultsError(f"{args.results} has runs of a body in space; use those of a plate")
+        check_window(first, args)
+        lines = []
+        for row in study.rows:
+            with Results.open(row.file) as results:
+                expect_same_plate(results, first)
+                way = paths.crack_paths(results, last_step(results), threshold)
+                lines.append((row, studies.label(row, study.varied), way))
+        title = f"Paths of the cracks of {len(lines)} runs"
+        if picture is not None:
+            from pdpost.figures import study_figure, style
+
+            named_paths = [(name, way) for _, name, way in lines]
+            style.save(study_figure.overlay(first, named_paths, title, args.window), picture)
+    apart = [
+        (row, paths.mean_and_hausdorff_distance(way, lines[0][2])[0])
+        for row, _, way in lines[1:]
+        if way and lines[0][2]
+    ]
+    text = [f"{len(lines)} runs, {sum(bool(way) for _, _, way in lines)} with a crack"]
+    if apart:
+        most = max(apart, key=lambda one: one[1])
+        text.append(
+            f"mean distance from run {lines[0][0].number}: at most {most[1] * 1e3:.3g} mm (run {most[0].number})"
+        )
+    rows = [
+        (row.number, name, number, *point)
+        for row, name, way in lines
+        for number, line in enumerate(way)
+        for point in line
+    ]
+    result = {"runs": [{"number": row.number, "series": name, "paths": way} for row, name, way in lines]}
+    result["mean_distance"] = [{"number": row.number, "from_first": mean} for row, mean in apart]
+    return shared.deliver(args, result, text, ("run", "series", "branch", "x, m", "y, m"), rows, picture)
 
 
 def add(commands: Commands) -> None:
@@ -77,9 +132,9 @@ def _crack(args: argparse.Namespace) -> int:
 
     threshold = args.cracked
     if is_study(args.results):
-        return overlay.overlaid(args, threshold)
+        return overlaid(args, threshold)
     path = picture_path(args, ".compare.png" if args.compare else ".crack.png")
-    with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+    with shared.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         if results.dimension == 3:
             return _of_body(args, results, threshold, path)
         if args.surface is not None:
@@ -92,7 +147,7 @@ def _crack(args: argparse.Namespace) -> int:
 
 def _one(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
     from pdpost.measures import crack_summary
-    from pdpost.measures.predicted_directions import predict_initial_directions
+    from pdpost.measures.directions import predict_initial_directions
     from pdpost.reading.json_keys import fields_by_json_key
 
     check_window(results, args)
@@ -106,7 +161,7 @@ def _one(args: argparse.Namespace, results: Results, threshold: float, path: Pat
     expected = [] if first is None else predict_initial_directions(results, summary.initial_directions, first.step)
     lines = [*crack_summary.summary_sentences(summary), *crack_summary.prediction_sentences(expected, results)]
     result = {**crack_summary.summary_for_json(summary), "predicted": [fields_by_json_key(one) for one in expected]}
-    return number_options.deliver(args, result, lines, header, rows, path)
+    return shared.deliver(args, result, lines, header, rows, path)
 
 
 def _of_body(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
@@ -129,14 +184,14 @@ def _of_body(args: argparse.Namespace, results: Results, threshold: float, path:
         surface_files.write(args.surface, summary.surface, summary.front_speed)
         lines = [f"{args.surface}: the surface, {len(summary.surface.face_corners)} faces", *lines]
     header, rows = crack_3d.frame_table(summary)
-    return number_options.deliver(args, crack_3d.summary_for_json(summary), lines, header, rows, path)
+    return shared.deliver(args, crack_3d.summary_for_json(summary), lines, header, rows, path)
 
 
 def _two(args: argparse.Namespace, first_run: Results, second_run: Results, threshold: float, path: Path | None) -> int:
     from pdpost.measures import cracks, paths
-    from pdpost.measures.comparison import compare_cracks
+    from pdpost.measures.paths import compare_cracks
+    from pdpost.reading.frame_steps import time_text
     from pdpost.reading.json_keys import fields_by_json_key
-    from pdpost.reading.time_text import time_text
 
     check_window(first_run, args)
     steps = _step(args, first_run), _step(args, second_run)
@@ -166,7 +221,7 @@ def _two(args: argparse.Namespace, first_run: Results, second_run: Results, thre
         for point in line
     ]
     result = by_json_key | {"results": [str(args.results), str(args.compare)], "along": along, "steps": steps}
-    return number_options.deliver(args, result, lines, ("results", "branch", "x, m", "y, m"), rows, path)
+    return shared.deliver(args, result, lines, ("results", "branch", "x, m", "y, m"), rows, path)
 
 
 def _step(args: argparse.Namespace, results: Results) -> int:

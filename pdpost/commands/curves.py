@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdpost.commands import number_options
+from pdpost.commands import shared
 from pdpost.commands.shared import lengths, picture_path
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ Place = tuple[str, tuple[float, ...]]
 
 def add(commands: Commands) -> None:
     """Put `history`, `balance` and `reaction` on the command line."""
-    history = number_options.add_command(
+    history = shared.add_command(
         commands, "history", "draw a node's motion over time, or the masses of a model of diffusion"
     )
     for name, words, count, text in (
@@ -47,12 +47,10 @@ def add(commands: Commands) -> None:
         help="component to draw (z only in a body); may be repeated (default: magnitude)",
     )
     history.set_defaults(run=_history)
-    number_options.add_command(
-        commands, "balance", "draw where the energy went, and how well it balances"
-    ).set_defaults(run=_balance)
-    reaction = number_options.add_command(
-        commands, "reaction", "draw the forces of loads and grips over time and displacement"
+    shared.add_command(commands, "balance", "draw where the energy went, and how well it balances").set_defaults(
+        run=_balance
     )
+    reaction = shared.add_command(commands, "reaction", "draw the forces of loads and grips over time and displacement")
     reaction.add_argument(
         "--condition",
         action="append",
@@ -95,7 +93,7 @@ def _history(args: argparse.Namespace) -> int:
     from pdsolve.results import Results
 
     path = picture_path(args, ".history.png")
-    with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+    with shared.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         moves = len(results.history()) and (args.places or args.components)
         if len(results.masses()) and not moves:
             return _masses(args, results, path)
@@ -119,15 +117,15 @@ def _history(args: argparse.Namespace) -> int:
         for row in zip(curve.time, curve.value, curve.smallest, curve.largest, strict=True)
     ]
     header = ("curve", "component", "time, s", f"{args.quantity}, {unit}", "smallest", "largest")
-    return number_options.deliver(args, result, [_history_line(curve, unit) for curve in curves], header, rows, path)
+    return shared.deliver(args, result, [_history_line(curve, unit) for curve in curves], header, rows, path)
 
 
 def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> int:
     """The history of a substance that diffuses, or of heat."""
     from pdmesh.model.amounts import amounts_line
-    from pdpost.measures.diffused_amounts import mass_balance_with_unit
+    from pdpost.measures.balance import mass_balance_with_unit
+    from pdpost.reading.frame_steps import time_text
     from pdpost.reading.json_keys import fields_by_json_key
-    from pdpost.reading.time_text import time_text
 
     if args.places or args.components:
         raise commandline.UsageError("history: masses are of the whole model; leave out nodes and components")
@@ -148,7 +146,7 @@ def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> in
     result = {"units": results.meta()["units"], "unit": unit, "last": last, **by_json_key}
     ways = (f"{way}, {unit}" for way in ("inside", "gone out", "supplied"))
     header = ("step", "time, s", *ways, "solid", "dissolved, mol", "surface", "share left", "error")
-    return number_options.deliver(args, result, lines, header, zip(*books, strict=True), path)
+    return shared.deliver(args, result, lines, header, zip(*books, strict=True), path)
 
 
 def _usual(results: Results) -> list[Place]:
@@ -157,8 +155,7 @@ def _usual(results: Results) -> list[Place]:
 
     import numpy as np
 
-    from pdpost.reading.frame_steps import last_frame
-    from pdpost.reading.stored_fields import vector
+    from pdpost.reading.frame_steps import last_frame, vector
 
     probed = np.unique(results.probes()["node"])
     if len(probed):
@@ -196,11 +193,11 @@ def _balance(args: argparse.Namespace) -> int:
     import numpy as np
 
     from pdpost.measures.balance import energy_balance, energy_loss_warnings, thickness_unit_suffix
-    from pdpost.reading.time_text import time_text
+    from pdpost.reading.frame_steps import time_text
     from pdsolve.results import Results
 
     path = picture_path(args, ".balance.png")
-    with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+    with shared.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         books = energy_balance(results)
         per = thickness_unit_suffix(results)
         said = energy_loss_warnings(results)
@@ -233,7 +230,7 @@ def _balance(args: argparse.Namespace) -> int:
         *(f"{name}, J{per}" for name in ("kinetic", "strain", "dissipated", "damped", "friction", "put in", "total")),
     )
     header = (*header, "error", f"momentum x, N s{per}", f"momentum y, N s{per}")
-    return number_options.deliver(args, result, lines, header, zip(*books, strict=True), path)
+    return shared.deliver(args, result, lines, header, zip(*books, strict=True), path)
 
 
 def _reaction(args: argparse.Namespace) -> int:
@@ -246,7 +243,7 @@ def _reaction(args: argparse.Namespace) -> int:
     if args.smooth != 1:
         raise commandline.UsageError("--smooth needs --gap; give both, or leave it out")
     path = picture_path(args, ".reaction.png")
-    with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+    with shared.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         axis, per, ways = _axis(results, args), thickness_unit_suffix(results), "xyz"[: results.dimension]
         chosen_reactions = select_condition_force_histories(read_condition_force_histories(results), args.condition)
         if path is not None:
@@ -276,20 +273,25 @@ def _reaction(args: argparse.Namespace) -> int:
         *(f"displacement {way}, m" for way in ways),
     )
     result = {"units": _units(per), "conditions": [curve._asdict() for curve in chosen_reactions]}
-    return number_options.deliver(args, result, lines, header, rows, path)
+    return shared.deliver(args, result, lines, header, rows, path)
 
 
 def _gap(args: argparse.Namespace) -> int:
     from pdpost.measures.balance import thickness_unit_suffix
-    from pdpost.measures.forces import read_condition_force_histories, select_condition_force_histories
-    from pdpost.measures.gaps import force_over_gap_opening, measure_gap_between_places, read_named_gap
+    from pdpost.measures.forces import (
+        force_over_gap_opening,
+        measure_gap_between_places,
+        read_condition_force_histories,
+        read_named_gap,
+        select_condition_force_histories,
+    )
     from pdpost.reading.json_keys import fields_by_json_key
     from pdsolve.results import Results
 
     if args.smooth < 1:
         raise commandline.UsageError(f"--smooth is {args.smooth}; use 1 or more")
     path = picture_path(args, ".gap.png")
-    with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+    with shared.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         axis, per = _axis(results, args), thickness_unit_suffix(results)
         opened = (
             read_named_gap(results, args.gap[0])
@@ -324,7 +326,7 @@ def _gap(args: argparse.Namespace) -> int:
         for curve in opening_curves
     ]
     result = {"units": _units(per), "nodes": opened.node_ids, "forces": forces}
-    return number_options.deliver(args, result, lines, ("condition", "opening, m", f"force, N{per}"), rows, path)
+    return shared.deliver(args, result, lines, ("condition", "opening, m", f"force, N{per}"), rows, path)
 
 
 def _two_places(words: list[str]) -> tuple[tuple[float, ...], tuple[float, ...]]:

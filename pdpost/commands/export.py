@@ -53,9 +53,8 @@ def add(commands: Commands) -> None:
 
 
 def _export(args: argparse.Namespace) -> int:
-    from pdpost.exports import frame_files, node_sets, surface_files, xdmf
-    from pdpost.reading.frame_steps import chosen
-    from pdpost.reading.stored_fields import diffuses
+    from pdpost.exports import frame_files, surface_files, xdmf
+    from pdpost.reading.frame_steps import chosen, diffuses
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, ".pvd", args.force)
@@ -94,7 +93,7 @@ def _export(args: argparse.Namespace) -> int:
             writes: dict[str, Callable[..., None]] = {".pvd": parts, ".xdmf": series, ".msh": frame_files.msh}
             writes[kind](results, path, steps, args.also, args.squares, progress)
         count = len(results.nodes(steps[-1]).ids)
-        sets = {name: int(node_mask.sum()) for name, node_mask in node_sets.node_sets(results, steps[-1]).items()}
+        sets = {name: int(node_mask.sum()) for name, node_mask in frame_files.node_sets(results, steps[-1]).items()}
     lines = [f"{path}: {count} nodes, {len(steps)} frames"]
     if sets:
         named = ", ".join(f"{name} ({nodes})" for name, nodes in list(sets.items())[:LISTED])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING, Any
 
-from pdpost.commands import number_options
+from pdpost.commands import shared
 from pdpost.commands.shared import add_every, chosen_stride, counted, picture_path
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ HEADER = (
 def add(commands: Commands) -> None:
     """Put `fatigue` on the command line."""
     about = "draw the growth of cracks over cycles, the growth a cycle over the range of K, and lives of smooth bodies"
-    parser = number_options.add_command(commands, "fatigue", about)
+    parser = shared.add_command(commands, "fatigue", about)
     add_every(parser)
     help_text = "other runs, in the same picture and the same numbers"
     parser.add_argument("--beside", metavar="RESULTS", nargs="+", default=[], help=help_text)
@@ -32,7 +32,7 @@ def _fatigue(args: argparse.Namespace) -> int:
     from pdpost.reading.json_keys import fields_by_json_key
 
     path = picture_path(args, ".fatigue.png")
-    with number_options.styled(path, dict(args.assignments)):
+    with shared.styled(path, dict(args.assignments)):
         runs = [_measured(args, name) for name in (args.results, *args.beside)]
         if path is not None:
             from pdpost.figures import style
@@ -54,7 +54,7 @@ def _fatigue(args: argparse.Namespace) -> int:
     result = {**run_results[0], "beside": run_results[1:]}
     lines = [line for run in runs for line in ([f"{run.name}:"] if args.beside else []) + _lines(run)]
     rows = (row for run in runs for row in _rows(run))
-    return number_options.deliver(args, result, lines, HEADER, rows, path)
+    return shared.deliver(args, result, lines, HEADER, rows, path)
 
 
 def _measured(args: argparse.Namespace, name: str) -> FatigueLife:

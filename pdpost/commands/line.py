@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
-from pdpost.commands import number_options
+from pdpost.commands import shared
 from pdpost.commands.pictures import FIELDS
 from pdpost.commands.shared import add_frame, chosen_frame, picture_path, place
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 def add(commands: Commands) -> None:
     """Put `line` on the command line."""
-    line = number_options.add_command(commands, "line", "draw a field along a straight line")
+    line = shared.add_command(commands, "line", "draw a field along a straight line")
     for word, where in (("--from", "begins"), ("--to", "ends")):
         line.add_argument(
             word,
@@ -41,12 +41,12 @@ def _line(args: argparse.Namespace) -> int:
     import numpy as np
 
     from pdpost.measures import fields, lines
-    from pdpost.reading.time_text import time_text
+    from pdpost.reading.frame_steps import time_text
     from pdsolve.results import Results
 
     path = picture_path(args, ".line.png")
     field = fields.FIELDS[args.field]
-    with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+    with shared.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         components = args.components or [None]
         parts = list(
             dict.fromkeys(fields.choose_component(args.field, component, results.dimension) for component in components)
@@ -89,4 +89,4 @@ def _line(args: argparse.Namespace) -> int:
         "values": names,
     }
     rows = zip(sampled_line.distance_from_start, *sampled_line.points.T, *names.values(), strict=True)
-    return number_options.deliver(args, result, words, header, rows, path)
+    return shared.deliver(args, result, words, header, rows, path)

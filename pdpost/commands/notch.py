@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pdmesh import commandline
-from pdpost.commands import number_options
+from pdpost.commands import shared
 from pdpost.commands.shared import add_csv, add_frame, add_results, check_csv, chosen_frame
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ def _notch(args: argparse.Namespace) -> int:
     written = [] if path is None else [f"{path}: the grid file, with {pre_cracks.written}"]
     result = {"output": None if path is None else str(path), "step": step, "time": time, **pre_cracks.result}
     words = [*written, f"{pre_cracks.words}, at {time:.4g} s"]
-    return number_options.deliver(args, result, words, pre_cracks.header, pre_cracks.rows, None)
+    return shared.deliver(args, result, words, pre_cracks.header, pre_cracks.rows, None)
 
 
 def _polylines(results: Results, step: int) -> _Found:

@@ -174,14 +174,14 @@ def _nodes(args: argparse.Namespace) -> int:
     import numpy as np
 
     from pdpost.exports import csv_columns
-    from pdpost.figures import level_figure
+    from pdpost.figures import scene_figure
 
     def show(results: Results, step: int, scale: float) -> Drawn:
         spacings, counts = np.unique(results.nodes(step).delta.round(12), return_counts=True)
         pairs = zip(spacings.tolist(), counts.tolist(), strict=True)
         reported = {"levels": [{"spacing": spacing, "nodes": count} for spacing, count in pairs]}
         words = f"{counts.sum()} nodes, {len(counts)} spacing{'s' * (len(counts) > 1)}"
-        figure = level_figure.nodes(results, step, scale=scale, window=args.window)
+        figure = scene_figure.nodes(results, step, scale=scale, window=args.window)
         return Drawn(figure, reported, words, lambda: csv_columns.of_frame(results, step))
 
     return _drawn(args, show)

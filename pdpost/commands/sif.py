@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdpost.commands import number_options
+from pdpost.commands import shared
 from pdpost.commands.shared import (
     YIELDS,
     add_every,
@@ -37,7 +37,7 @@ FRONT_UNITS = {"J": "J/m^2", "K1": "Pa m^0.5", "K2": "Pa m^0.5", "K3": "Pa m^0.5
 
 def add(commands: Commands) -> None:
     """Put `sif` on the command line."""
-    sif = number_options.add_command(
+    sif = shared.add_command(
         commands, "sif", "draw J, stress intensities and angle of growth of the tips or along the fronts of cracks"
     )
     sif.add_argument(
@@ -71,7 +71,7 @@ def _sif(args: argparse.Namespace) -> int:
     from pdsolve.results import Results
 
     path = picture_path(args, ".sif.png")
-    with number_options.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+    with shared.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         expect_mechanics(results)
         check_window(results, args)
         if args.frame is None and args.step is None and args.time is None:
@@ -138,7 +138,7 @@ def _tips(args: argparse.Namespace, results: Results, steps: list[int], path: Pa
         columns = _band_columns(series, TIP_UNITS)
         points = zip(series.step, series.time, *series.tip_place.T, *columns, release_rates, strict=True)
         rows += [(series.tip_history.name, *point) for point in points]
-    return number_options.deliver(args, result, lines, header, rows, path)
+    return shared.deliver(args, result, lines, header, rows, path)
 
 
 def _expect_on_plate(results: Results, place: tuple[float, float] | None) -> None:
@@ -177,7 +177,7 @@ def _tip_for_json(series: TipIntensityHistory, release_rates: Any) -> dict[str, 
 def _tip_words(series: TipIntensityHistory) -> str:
     import numpy as np
 
-    from pdpost.reading.time_text import time_text
+    from pdpost.reading.frame_steps import time_text
 
     finite = np.flatnonzero(np.isfinite(series.value["J"]))
     if not len(finite):
@@ -243,14 +243,14 @@ def _fronts(args: argparse.Namespace, results: Results, steps: list[int], path: 
         columns = _band_columns(front, FRONT_UNITS)
         points = zip(front.length_along_front, *front.points.T, *columns, strict=True)
         rows += [(front.name, front.step, front.time, *point) for point in points]
-    return number_options.deliver(args, result, lines, header, rows, path)
+    return shared.deliver(args, result, lines, header, rows, path)
 
 
 def _front_words(front: FrontIntensities) -> str:
     """The largest and the mean of a front's values."""
     import numpy as np
 
-    from pdpost.reading.time_text import time_text
+    from pdpost.reading.frame_steps import time_text
 
     known_points = front.points_with_values
     at = int(known_points[front.value["J"][known_points].argmax()])

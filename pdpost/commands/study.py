@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
-from pdpost.commands import number_options
+from pdpost.commands import shared
 from pdpost.commands.shared import (
     NO_PICTURE,
     add_csv,
@@ -53,7 +53,7 @@ def _study(args: argparse.Namespace) -> int:
     from pdpost.reading import studies
 
     path = picture_path(args, ".study.png")
-    with number_options.styled(path, dict(args.assignments)):
+    with shared.styled(path, dict(args.assignments)):
         study = studies.read(args.results)
         measures, over = scatter.choose_measures_and_parameter(study, args.measure, args.over)
         nowhere = scatter.measures_without_values(study, args.measure)
@@ -84,7 +84,7 @@ def _study(args: argparse.Namespace) -> int:
     lines = [_summary_line(row, over, units) for row in rows]
     if study.failed or study.waiting:
         lines.append(f"left out: {study.failed} runs that failed, {study.waiting} that wait")
-    return number_options.deliver(args, numbers, lines, header, rows, path)
+    return shared.deliver(args, numbers, lines, header, rows, path)
 
 
 def _summary_line(row: tuple[Any, ...], over: str | None, units: dict[str, str]) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
-from pdpost.commands import number_options
+from pdpost.commands import shared
 from pdpost.commands.shared import (
     add_csv,
     add_journal,
@@ -99,7 +99,7 @@ def _tradeoff(args: argparse.Namespace) -> int:
         "within": args.within,
         "cheapest": cheapest,
     }
-    write_atomically(table, json.dumps(number_options.finite(result), indent=1, allow_nan=False).encode() + b"\n")
+    write_atomically(table, json.dumps(shared.finite(result), indent=1, allow_nan=False).encode() + b"\n")
     header = ("name", "nodes", *COSTS, *ERRORS, "worst", "front")
     rows = [
         (point.name, point.node_count, *point.cost, *point.errors, worst, at in best)
@@ -112,7 +112,7 @@ def _tradeoff(args: argparse.Namespace) -> int:
         lines.append(f"on the front: {point.name}, {point.cost.wall_time:.3g} s, within {worst:.2%} ({parts})")
     if args.within is not None:
         lines.append(f"the cheapest within {args.within:.3g}: {cheapest or 'none of them'}")
-    return number_options.deliver(args, result, lines, header, rows, picture)
+    return shared.deliver(args, result, lines, header, rows, picture)
 
 
 def _points(files: list[Path], reference: Path) -> list[TradeoffPoint]:

@@ -1,4 +1,7 @@
-"""Frames for ParaView, Gmsh and others: VTU and PVD through meshio, XDMF, MSH, CSV. SI units, reference positions."""
+"""Frames for ParaView, Gmsh and others: VTU and PVD through meshio, XDMF, MSH, CSV. SI units, reference positions.
+
+Nodes of named conditions are sets that ParaView and others show by their names.
+"""
 
 from __future__ import annotations
 
@@ -8,25 +11,51 @@ from typing import Any
 from xml.sax.saxutils import quoteattr
 
 import meshio
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.files import replacing, write_atomically
-from pdmesh.plain_text import for_file_name
+from pdmesh.model.node_arrays import selected
+from pdmesh.plain_text import for_file_name, visible
 from pdpost.exports import msh as msh_file
-from pdpost.exports import node_sets
 from pdpost.exports import xdmf as xdmf_file
 from pdpost.exports.csv_columns import csv, of_frame
 from pdpost.measures import fields
-from pdpost.reading.stored_fields import diffuses
+from pdpost.reading.embedded_model import read
+from pdpost.reading.frame_steps import diffuses
 from pdsolve.results import Nodes, Results
 
+MOST = 64  # sets in a file; models with a condition for each node have more
 VECTORS = {"displacement": "u", "velocity": "v", "acceleration": "a"}
 SCALARS = {name: name for name in ("energy", "solid")} | {"concentration": "c", "content": "h", "temperature": "T"}
 SQUARE = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])  # of a node
 CUBE = np.vstack([np.column_stack([SQUARE, np.full(4, height)]) for height in (-0.5, 0.5)])
 SUFFIXES = (".vtu", ".pvd", ".xdmf", ".msh", ".csv")
 Progress = Callable[[list[int]], Iterable[int]]  # hands on what it is given and may count it
+
+
+class _Model(msgspec.Struct):
+    """The keys of the grid file that name its conditions."""
+
+    conditions: list[dict[str, Any]] = []
+
+
+def node_sets(results: Results, step: int) -> dict[str, NDArray[np.bool_]]:
+    """Masks (n,) of the nodes of each condition after `step`, by "kind name"; conditions of one name are one set."""
+    nodes = results.nodes(step)
+    sets: dict[str, NDArray[np.bool_]] = {}
+    for number, condition in enumerate(read(results, _Model).conditions):
+        name = visible(f"{condition.get('kind', 'condition')} {condition.get('name') or number}")
+        mask = selected(nodes, condition.get("nodes"), condition.get("box"))
+        sets[name] = sets.get(name, np.zeros(len(mask), dtype=bool)) | mask
+    return sets
+
+
+def columns(results: Results, step: int) -> dict[str, NDArray[np.generic]]:
+    """The sets as numbers (n,), 1 for a node in a set and 0 for others; none where they are too many."""
+    sets = node_sets(results, step)
+    return {name: mask.astype(np.int32) for name, mask in sets.items()} if len(sets) <= MOST else {}
 
 
 class ExportError(ValueError):
@@ -73,7 +102,7 @@ def vtu(results: Results, step: int, path: Path, also: Sequence[str] = (), squar
     Each node is a vertex or, with `squares`, a square (in a body a cube) of its size.
     """
     points, cells = _points(results, step, squares)
-    data = point_data(results, step, also) | node_data(results, step) | node_sets.columns(results, step)
+    data = point_data(results, step, also) | node_data(results, step) | columns(results, step)
     data = _each(data, cells[1].shape[1])
     mesh = meshio.Mesh(points, [cells], point_data=data)
     with replacing(path) as part:
@@ -143,7 +172,7 @@ def xdmf(
             if epoch != (epoch := results.epoch(step)):
                 points, cells = _points(results, step, squares)
                 corners = cells[1].shape[1]
-                same = node_data(results, step) | node_sets.columns(results, step)
+                same = node_data(results, step) | columns(results, step)
                 cloud = xdmf_file.MeshPoints(points, cells, _each(same, corners))
             yield xdmf_file.XdmfFrame(times[step], _each(point_data(results, step, also), corners), cloud)
 
@@ -166,7 +195,7 @@ def msh(
         for number, step in enumerate(progress(steps)):
             rows = lives.at(results.nodes(step).ids, step)
             points = (rows[:, None] * len(corners) + corners).ravel()
-            sets = {} if number else node_sets.columns(results, step)
+            sets = {} if number else columns(results, step)
             data = _each({**point_data(results, step, also), **sets}, len(corners))
             yield msh_file.MshFrame(times[step], number, points, data)
 
@@ -180,7 +209,7 @@ def _times(results: Results) -> dict[int, float]:
 
 def table(results: Results, step: int, path: Path, also: Sequence[str] = ()) -> None:
     """Write a frame as CSV, with a column for the set of nodes of each condition."""
-    write_atomically(path, csv(of_frame(results, step, also) | node_sets.columns(results, step)))
+    write_atomically(path, csv(of_frame(results, step, also) | columns(results, step)))
 
 
 def check_suffix(path: Path) -> str:

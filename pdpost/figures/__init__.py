@@ -15,8 +15,8 @@ if TYPE_CHECKING:
     from pdpost.figures.crack_surface_figure import crack_surface
     from pdpost.figures.field_figure import field
     from pdpost.figures.frames_figure import frames
-    from pdpost.figures.level_figure import nodes
     from pdpost.figures.page import report
+    from pdpost.figures.scene_figure import nodes
     from pdpost.figures.study_figure import study
     from pdpost.figures.style import FigureError, save, styled
     from pdpost.figures.tradeoff_figure import tradeoff
@@ -33,7 +33,7 @@ else:
         "gif": "animation",
         "histories": "charts",
         "masses": "charts",
-        "nodes": "level_figure",
+        "nodes": "scene_figure",
         "reactions": "charts",
         "report": "page",
         "save": "style",

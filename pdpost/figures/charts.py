@@ -12,13 +12,11 @@ from pdmesh.model.amounts import way
 from pdmesh.model.output_fields import FIELDS
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_legend
-from pdpost.figures.labels import scaled, ten_to
+from pdpost.figures.colours import scaled, ten_to
 from pdpost.figures.style import COLOURS
 from pdpost.measures import fields
-from pdpost.measures.balance import EnergyBalance
-from pdpost.measures.diffused_amounts import AMOUNTS, MassBalance
-from pdpost.measures.forces import ConditionForceHistory
-from pdpost.measures.gaps import ForceOpeningCurve
+from pdpost.measures.balance import AMOUNTS, EnergyBalance, MassBalance
+from pdpost.measures.forces import ConditionForceHistory, ForceOpeningCurve
 from pdpost.measures.histories import NodeHistory
 
 if TYPE_CHECKING:

@@ -1,7 +1,9 @@
-"""How a field's values are shown: colours, unit and title."""
+"""How a field is shown: colours, unit with a convenient prefix, and title; faces of cracks by when they opened."""
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -10,16 +12,55 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
-from pdpost.figures.labels import prefixed, unit
 from pdpost.figures.style import UNKNOWN, narrow
 from pdpost.measures import fields
+from pdpost.measures.crack_faces import CrackSurface
 from pdpost.reading.embedded_model import counts_load_steps, moment
 from pdsolve.results import Results
 
+PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
+MICRO = re.compile(r"(?<=[0-9] )u(?=s\b|m\b)")  # of a number's unit
+POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SHARES = ("damage", "separation")  # fields of bonds that are gone
 USUAL = 99.5  # per cent of the nodes; colours end there where the others reach more than twice as far
 ROUND_OFF = 1e-6  # of the largest: what is so little beyond the colours is not told of
 PARTS = {"largest": "largest principal", "smallest": "smallest principal", "mises": "von Mises"}
+CMAP = "viridis"
+NEARLY = 0.9  # of the area: what opens later has the last colour
+
+
+def spelled(text: str) -> str:
+    """A text of the terminal with the units spelled for pictures and pages: mm², µs, MPa m^½."""
+    return MICRO.sub("µ", text).replace("m^0.5", "m^½").replace("^2", "²").replace("^3", "³")
+
+
+def ten_to(power: int) -> str:
+    """A power of ten, such as 10⁻³."""
+    return f"10{str(power).translate(POWERS)}"
+
+
+def prefixed(largest: float) -> tuple[float, str]:
+    """A factor and an SI prefix for numbers up to `largest`."""
+    power = int(np.floor(np.log10(largest) / 3)) * 3 if largest > 0 else 0
+    power = min(max(power, min(PREFIXES)), max(PREFIXES))
+    return 10.0**-power, PREFIXES[power]
+
+
+def unit(name: str, largest: float) -> tuple[float, str]:
+    """A factor and a unit for numbers up to `largest`: with a prefix, or a power of ten where no prefix is usual."""
+    factor, prefix = prefixed(largest)
+    power = -round(np.log10(factor))
+    if power and (not name or (power > 0 and name.startswith("m/"))):
+        return factor, f"{ten_to(power)} {name}".rstrip()
+    return factor, prefix + name
+
+
+def scaled(values: Iterable[np.ndarray], unit: str) -> tuple[float, str]:
+    """A factor for values and their unit with its prefix, such as 1e3 and "mm"."""
+    sizes = [float(np.abs(array[np.isfinite(array)]).max(initial=0.0)) for array in values]
+    largest = max(sizes, default=0.0)
+    factor, prefix = prefixed(min(largest, 1.0) if unit == "s" else largest)  # thousands of seconds have no prefix
+    return factor, prefix + unit
 
 
 class Colours(NamedTuple):
@@ -99,3 +140,23 @@ def at(results: Results, step: int, scale: float = 0.0) -> str:
         time = step * time_step * factor
         when = f"{time:{'.4g' if time < 9999.5 else '.0f'}} {prefix}s (step {step})"
     return f"at {when}" if scale in (0.0, 1.0) else f"at {when}, {scale:g} times the displacement"
+
+
+class Opening(NamedTuple):
+    """The colours of opening times, and their unit."""
+
+    painted: ScalarMappable  # of times in that unit
+    factor: float  # of that unit in a second
+    label: str
+
+
+def opening_colours(surface: CrackSurface) -> Opening:
+    """Colours from the first opening until nearly all of the area was open."""
+    time = surface.opening_time[surface.face_opened_during_run]
+    area = np.cumsum(surface.face_area[surface.face_opened_during_run])
+    factor, unit = scaled([time], "s")
+    first, last = 0.0, 1.0
+    if len(time):
+        first, end = float(time[0]), float(time[np.searchsorted(area, NEARLY * area[-1])])
+        last = end if end > first else first + 1.0
+    return Opening(ScalarMappable(Normalize(first * factor, last * factor), CMAP), factor, f"opened at, {unit}")

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_legend
 from pdpost.figures.charts import WIDTH, look, plain
-from pdpost.figures.labels import scaled
+from pdpost.figures.colours import scaled
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Shape, Sheet, box_of, mark, on_axes, paint, shape
 from pdpost.figures.style import narrow
@@ -26,7 +26,7 @@ from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdpost.measures.paths import LONG, Polyline
 from pdpost.measures.speed import WINDOW
 from pdpost.measures.tips import CrackBranch
-from pdpost.reading.time_text import time_text
+from pdpost.reading.frame_steps import time_text
 from pdsolve.results import Results
 
 Numbered: TypeAlias = tuple[int, CrackBranch]  # a branch with its number, which is its colour, as in pictures of `sif`

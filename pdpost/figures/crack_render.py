@@ -10,8 +10,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from numpy.typing import NDArray
 
 from pdmesh.plain_figure import Figure
-from pdpost.figures.colours import Colours, colours, mappable, title
-from pdpost.figures.opening_colours import CMAP, Opening, opening_colours
+from pdpost.figures.colours import CMAP, Colours, Opening, colours, mappable, opening_colours, title
 from pdpost.figures.render import STONE, add_body, framed, image, needed_pyvista, plotter_of, taken
 from pdpost.figures.style import COLOURS, FigureError
 from pdpost.measures import slices
@@ -22,7 +21,7 @@ from pdpost.measures.crack_faces import (
     find_opened_face_neighbours,
 )
 from pdpost.measures.fragments import SMALLEST, fragment_number_of_nodes
-from pdpost.reading.stored_fields import diffuses
+from pdpost.reading.frame_steps import diffuses
 from pdsolve.results import Nodes, Results
 
 CLEAR = 0.12  # opacity of the body around its cracks

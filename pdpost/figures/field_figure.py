@@ -1,4 +1,7 @@
-"""Pictures of a field of a plate or of a body in space. A figure is returned, never shown."""
+"""Pictures of a field of a plate or of a body in space. A figure is returned, never shown.
+
+A notebook shows the last frame of results.
+"""
 
 from __future__ import annotations
 
@@ -16,10 +19,12 @@ from pdpost.figures import slice_figure
 from pdpost.figures.colours import Colours, colours, mappable, title
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Sheet, border, box_of, hidden, legend, mark, paint, seen, shape, sheet
-from pdpost.figures.style import TORN, UNKNOWN, narrow
+from pdpost.figures.style import TORN, UNKNOWN, narrow, styled, written
 from pdpost.measures import fields
 from pdpost.reading.frame_steps import last_frame
 from pdsolve.results import Results
+
+DPI = 110
 
 
 class Shown(NamedTuple):
@@ -100,3 +105,11 @@ def beside(on: Sheet) -> Axes:
     place = on.axes.get_position()
     width = on.figure.get_figwidth()
     return on.figure.add_axes((place.x1 + 0.12 / width, place.y0, 0.13 / width, place.height))
+
+
+def notebook_png(results: Results) -> bytes | None:
+    """PNG of the damage, or of the amount that diffuses, in the last frame; None without a frame."""
+    if not len(results.frames()[0]):
+        return None
+    with styled():
+        return written(field(results), "png", DPI)

@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from pdmesh.plain_figure import Figure
 from pdpost.figures.charts import WIDTH, look, plain
-from pdpost.figures.labels import scaled
+from pdpost.figures.colours import scaled
 from pdpost.measures.intensities_3d import FrontIntensities
-from pdpost.reading.time_text import time_text
+from pdpost.reading.frame_steps import time_text
 
 INTENSITIES = ("K1", "K2", "K3")
 SHOWN = 4  # fronts with curves

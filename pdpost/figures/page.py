@@ -17,17 +17,21 @@ from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_html
 from pdpost.figures import charts, crack_figure, crack_surface_figure, field_figure
 from pdpost.figures.animation import gif
-from pdpost.figures.labels import prefixed, spelled
+from pdpost.figures.colours import prefixed, spelled
 from pdpost.figures.scene_figure import acted_on, scene
 from pdpost.figures.style import written
 from pdpost.measures import crack_3d, crack_summary
-from pdpost.measures.balance import energy_balance, energy_loss_warnings, thickness_unit_suffix
-from pdpost.measures.diffused_amounts import AMOUNTS, mass_balance_with_unit
+from pdpost.measures.balance import (
+    AMOUNTS,
+    energy_balance,
+    energy_loss_warnings,
+    mass_balance_with_unit,
+    thickness_unit_suffix,
+)
 from pdpost.measures.fields import default_field_name
 from pdpost.measures.forces import read_condition_force_histories
 from pdpost.reading.embedded_model import at_rest, moment, whole
-from pdpost.reading.frame_steps import frames
-from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses
+from pdpost.reading.frame_steps import OF_DIFFUSION, diffuses, frames
 from pdsolve.results import DamagedError, Nodes, Results, ResultsError
 
 DPI = 110

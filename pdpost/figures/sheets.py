@@ -20,14 +20,13 @@ from numpy.typing import NDArray
 from pdmesh.model.graphs import tree_of
 from pdmesh.plain_figure import Figure
 from pdpost.figures import raster
-from pdpost.figures.labels import prefixed
-from pdpost.figures.outlines import around, outlines
-from pdpost.figures.raster import Box
+from pdpost.figures.colours import prefixed
+from pdpost.figures.raster import Box, around, outlines
 from pdpost.figures.style import BLACK, EDGE, GROWN, THICK, THIN, TORN, narrow
 from pdpost.measures import plate_geometry
 from pdpost.measures.plate_geometry import PlateGeometry, VoronoiCells, clipped_voronoi_cells, read_plate_geometry
 from pdpost.measures.strain import families_without_broken_bonds
-from pdpost.reading.stored_fields import vector
+from pdpost.reading.frame_steps import vector
 from pdsolve.fracture.crack_particles import arms, until
 from pdsolve.fracture.gradients import gradients_of
 from pdsolve.results import Results

@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 
 from pdmesh.plain_figure import Figure
 from pdpost.figures.charts import WIDTH, look, plain
+from pdpost.figures.colours import scaled
 from pdpost.figures.crack_figure import on_grey_plate
-from pdpost.figures.labels import scaled
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import box_of, shape
 from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdpost.measures.release import EnergyRelease
 from pdpost.measures.stress_intensities import TipIntensityHistory
-from pdpost.reading.time_text import time_text
+from pdpost.reading.frame_steps import time_text
 from pdsolve.results import Results
 
 SHOWN = 6  # tips with curves

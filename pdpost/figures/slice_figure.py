@@ -13,8 +13,7 @@ from matplotlib.collections import PolyCollection
 from numpy.typing import NDArray
 
 from pdmesh.plain_figure import Figure
-from pdpost.figures.colours import SHARES, Colours, at, caption, colours, mappable, usual
-from pdpost.figures.labels import scaled
+from pdpost.figures.colours import SHARES, Colours, at, caption, colours, mappable, scaled, usual
 from pdpost.measures.slices import (
     AXES,
     FieldSlice,

@@ -12,8 +12,8 @@ from pdmesh.files import FilePath
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_figure, for_legend
 from pdpost.figures.charts import WIDTH, look, plain
+from pdpost.figures.colours import scaled, spelled
 from pdpost.figures.crack_figure import on_grey_plate
-from pdpost.figures.labels import scaled, spelled
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import box_of, shape
 from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at

@@ -13,11 +13,10 @@ from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.crack_faces import CrackSurface, build_crack_surface, find_opened_face_neighbours
 from pdpost.measures.crack_fronts import Polyline, estimate_front_speed_at_faces, front_lines_at, line_length
 from pdpost.measures.fragments import BodyFragments, find_body_fragments
-from pdpost.measures.waves import plate_rayleigh_speed
+from pdpost.measures.speed import plate_rayleigh_speed
 from pdpost.reading.embedded_model import at_rest, read
-from pdpost.reading.frame_steps import frames, last_step
+from pdpost.reading.frame_steps import frames, last_step, time_text
 from pdpost.reading.json_keys import fields_by_json_key
-from pdpost.reading.time_text import time_text
 from pdsolve.results import Results
 
 LISTED = 6  # fragments in sentences

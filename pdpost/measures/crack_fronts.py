@@ -19,8 +19,13 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from pdmesh.model.visibility import TOUCH, front
-from pdpost.measures.crack_faces import CrackSurface, build_crack_surface, find_opened_face_neighbours
-from pdpost.measures.lattice_neighbours import NEAR, face_neighbour_pairs
+from pdpost.measures.crack_faces import (
+    NEAR,
+    CrackSurface,
+    build_crack_surface,
+    face_neighbour_pairs,
+    find_opened_face_neighbours,
+)
 from pdpost.measures.strain import elastic_constants_of_nodes
 from pdpost.measures.tip_surroundings import UndisturbedRoom, nodes_of_loads_and_grips
 from pdsolve.fracture.front_integrals import FrontPlace, across

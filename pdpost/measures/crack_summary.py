@@ -10,19 +10,16 @@ from numpy.typing import NDArray
 
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracks import DIRECTIONS, PIECE, CrackEvents, find_crack_events
-from pdpost.measures.directions import InitialCrackDirection, measure_initial_directions
+from pdpost.measures.directions import LEANS, InitialCrackDirection, PredictedCrackDirection, measure_initial_directions
 from pdpost.measures.fragments import PlateFragments, find_plate_fragments
 from pdpost.measures.paths import main_growth_direction_name
-from pdpost.measures.predicted_directions import LEANS, PredictedCrackDirection
 from pdpost.measures.release import EnergyRelease, measure_energy_release
-from pdpost.measures.speed import TipSpeeds
+from pdpost.measures.speed import TipSpeeds, plate_rayleigh_speed
 from pdpost.measures.tips import CrackBranch, CrackFork, crack_branches, find_forks
-from pdpost.measures.waves import plate_rayleigh_speed
 from pdpost.reading.embedded_model import at_rest, moment
-from pdpost.reading.frame_steps import last_step
+from pdpost.reading.frame_steps import last_step, time_text
 from pdpost.reading.json_keys import fields_by_json_key
-from pdpost.reading.table_columns import TableColumns, columns_of
-from pdpost.reading.time_text import time_text
+from pdpost.reading.studies import TableColumns, columns_of
 from pdsolve.results import Results
 
 LISTED = 6  # branches and forks in sentences

@@ -2,6 +2,10 @@
 
 The fit begins three spacings from the tip, beyond the crushed region around it. It extends as far as the crack is
 straight, at most to its first fork.
+
+The predicted direction is that of the stress intensities before cracks grew. Bonds of a lattice of few neighbours break
+more easily along rows and diagonals: a crack leans to them. How far its path lies from the direction of the largest
+hoop stress, which `stress_intensities` has, tells how much of it is the grid's.
 """
 
 from __future__ import annotations
@@ -16,14 +20,17 @@ from scipy.special import stdtrit
 from pdpost.measures.crack_labels import SHORTEST
 from pdpost.measures.cracked_nodes import find_free_pre_crack_tips
 from pdpost.measures.speed import SURE
+from pdpost.measures.stress_intensities import follow_tip_intensities
 from pdpost.measures.tips import ARM, BEGINS, NEAR_TIP, CrackBranch, fit_line_direction
-from pdsolve.results import Results
+from pdsolve.results import Results, ResultsError
 
 STRAIGHT = 1.0  # local spacings: a stretch with a point further off its line is not straight
 PLACED = 1 / np.sqrt(12)  # spacings: a crack that breaks bonds is somewhere between two rows of nodes
 NORMAL = 1.96  # standard deviations: 0.95 of a normal distribution
 FEWEST = 3  # points, without which no line has a band
 BEHIND = 135.0  # degrees: what turns back further runs along its notch
+LEANS = 10.0  # degrees: a path that lies further off may be the grid's
+WIDEST_BAND = 20.0  # degrees: a wider band of the rings, as of waves that cross them, predicts nothing
 
 
 @dataclass(frozen=True)
@@ -112,3 +119,39 @@ def _distances_from_fitted_line(points: NDArray[np.float64]) -> NDArray[np.float
 def _signed_angle_from_heading(direction: NDArray[np.float64], heading: NDArray[np.float64]) -> float:
     """Angle in degrees from the unit vector `heading` to the unit vector `direction`, positive to the left."""
     return float(np.degrees(np.arctan2(heading[0] * direction[1] - heading[1] * direction[0], heading @ direction)))
+
+
+@dataclass(frozen=True)
+class PredictedCrackDirection:
+    """What stress intensities predict of the direction of a crack, and how far its path lies from that."""
+
+    pre_crack_tip: tuple[float, float]  # m
+    frame_step: int  # of the frame before bonds broke
+    angle_from_pre_crack: float  # degrees from the line of the pre-crack, to the left positive
+    angle_lower_bound: float  # degrees, over the rings around the tip
+    angle_upper_bound: float
+    path_deviation: float  # degrees that the path turns more to the left than that
+
+
+def predict_initial_directions(
+    results: Results, measured_directions: Sequence[InitialCrackDirection], first_break_step: int
+) -> list[PredictedCrackDirection]:
+    """Predictions for the `measured_directions`, from the last frame before the step `first_break_step`.
+
+    A tip without room for a ring, or with too vague a direction, has none; nor has a run without such a frame.
+    """
+    steps = results.frames()[0]
+    before = steps[steps < first_break_step]
+    predictions = []
+    for way in measured_directions if len(before) else ():
+        step = int(before[-1])
+        try:
+            (series,) = follow_tip_intensities(results, [step], way.pre_crack_tip)
+        except ResultsError:
+            continue
+        (low,), (angle,), (high,) = (side["angle"].tolist() for side in (series.low, series.value, series.high))
+        if np.isfinite(angle) and high - low <= WIDEST_BAND and float(series.value["J"][0]) > 0:
+            predictions.append(
+                PredictedCrackDirection(way.pre_crack_tip, step, angle, low, high, way.angle_from_pre_crack - angle)
+            )
+    return predictions

@@ -12,7 +12,7 @@ from pdmesh.model import output_fields
 from pdmesh.model.output_fields import CRACKED
 from pdpost.measures.cracked_nodes import damage_with_pre_cracks_at, damage_without_pre_cracks_at
 from pdpost.measures.strain import displacement_gradients, elastic_constants_of_nodes, thermal_strain_of_nodes
-from pdpost.reading.stored_fields import OF_DIFFUSION, diffuses, expect_physics_of, scalar, vector
+from pdpost.reading.frame_steps import OF_DIFFUSION, diffuses, expect_physics_of, scalar, vector
 from pdsolve.fracture.gradients import green, hooke, thinning
 from pdsolve.results import Results
 

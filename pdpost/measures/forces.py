@@ -1,7 +1,11 @@
-"""Forces of a run's conditions against time and against the displacement of their nodes."""
+"""Forces of a run's conditions against time and against the displacement of their nodes.
+
+A force is also drawn against the opening between two places.
+"""
 
 from __future__ import annotations
 
+from functools import reduce
 from typing import Any, NamedTuple
 
 import msgspec
@@ -10,8 +14,11 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Run
 from pdmesh.model.suggestions import called
+from pdpost.measures.histories import nearest_node_history
 from pdpost.reading.embedded_model import read
 from pdsolve.results import Results, ResultsError
+
+Place = tuple[float, ...]  # x, y and in a body z, m
 
 
 class _ConditionGridFileKeys(msgspec.Struct):
@@ -90,3 +97,85 @@ def select_condition_force_histories(
             )
             raise ResultsError(f"--condition: there is no condition '{name}'; use one of {available}")
     return [by_name[name] for name in names] or all_reactions
+
+
+class GapOpeningHistory(NamedTuple):
+    """The opening between two nodes at t steps."""
+
+    node_ids: tuple[int, int]  # ids
+    time: NDArray[np.float64]  # (t,) s
+    opening: NDArray[np.float64]  # (t,) m, how much longer the way between them has become
+
+
+class ForceOpeningCurve(NamedTuple):
+    """A force against a gap, at the t times at which both are recorded."""
+
+    condition_name: str  # of the condition
+    axis: int  # 0, 1 or 2
+    opening: NDArray[np.float64]  # (t,) m
+    force: NDArray[np.float64]  # (t,) N/m, of a body N
+
+    @property
+    def peak_force_index(self) -> int:
+        """The step with the largest force, by its size."""
+        return int(np.abs(self.force).argmax())
+
+    @property
+    def work_under_curve(self) -> float:
+        """The area under the curve, J/m, of a body J: the work of a force that acts where the gap opens."""
+        return float(np.sum(np.diff(self.opening) * (self.force[1:] + self.force[:-1])) / 2)
+
+
+class _GapGridFileKeys(msgspec.Struct):
+    """The key of the grid file that has its gaps."""
+
+    run: Run = Run()
+
+
+def read_named_gap(results: Results, name: str) -> GapOpeningHistory:
+    """The gap of this name in the model. Raises ResultsError naming those that there are."""
+    gaps = {gap_settings.name: gap_settings for gap_settings in read(results, _GapGridFileKeys).run.gaps}
+    if name not in gaps:
+        raise ResultsError(f"--gap: there is no gap '{name}'; use {', '.join(gaps) or 'two places: it has no gap'}")
+    first_place, second_place = gaps[name].ends
+    return measure_gap_between_places(results, first_place, second_place)
+
+
+def measure_gap_between_places(results: Results, first_place: Place, second_place: Place) -> GapOpeningHistory:
+    """The gap between the nodes nearest to two places, m, from probes if there are any, else from frames.
+
+    Raises ResultsError for places off the plate, for places with the same nearest node, and where nothing is recorded.
+    """
+    ways = "xyz"[: results.dimension]
+    ends = [
+        [nearest_node_history(results, place, "displacement", component) for component in ways]
+        for place in (first_place, second_place)
+    ]
+    nodes = ends[0][0].node_ids[0], ends[1][0].node_ids[0]
+    if nodes[0] == nodes[1]:
+        raise ResultsError(f"--gap: node {nodes[0]} is nearest to both places; use places nearest to two nodes")
+    first, second = (np.array(end[0].place) for end in ends)
+    times = [end[0].time for end in ends]
+    time = times[0][np.isin(times[0], times[1])]
+    u = [np.column_stack([part.value[np.isin(part.time, time)] for part in end]) for end in ends]
+    way = reduce(np.hypot, (second - first + u[1].astype(float) - u[0]).T)
+    return GapOpeningHistory(nodes, time, way - float(reduce(np.hypot, second - first)))
+
+
+def force_over_gap_opening(
+    gap: GapOpeningHistory, reaction: ConditionForceHistory, axis: int, averaged_steps: int = 1
+) -> ForceOpeningCurve:
+    """The force of a condition along an axis against a gap; `averaged_steps` is the number of steps in a running mean.
+
+    Raises ResultsError where fewer than two steps are left.
+    """
+    both = np.intersect1d(gap.time, reaction.time)
+    opening = gap.opening[np.isin(gap.time, both)]
+    force = reaction.force[np.isin(reaction.time, both), axis]
+    if len(both) < max(2, averaged_steps):
+        raise ResultsError(
+            f"--gap: the force and the gap are both known at {len(both)} times; {max(2, averaged_steps)} or more are"
+            " needed (pdsolve --probe X,Y records places as often as forces)"
+        )
+    mean = np.ones(averaged_steps) / averaged_steps
+    return ForceOpeningCurve(reaction.name, axis, *(np.convolve(column, mean, "valid") for column in (opening, force)))

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from pdmesh.model import node_arrays
 from pdmesh.model.output_fields import of_dimension
 from pdpost.measures.fields import FieldError
-from pdpost.reading.frame_steps import frames
-from pdpost.reading.stored_fields import vector
+from pdpost.reading.frame_steps import frames, vector
 from pdsolve.results import Nodes, Results, ResultsError
 
 OUTSIDE = 1.5  # spacings: a place further from every node is not of the plate

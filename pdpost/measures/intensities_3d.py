@@ -27,7 +27,7 @@ from pdpost.measures.strain import elastic_constants_of_nodes, families_without_
 from pdpost.measures.stress_intensities import FractureGridFileKeys, gradient_and_motion, three_radii, value_and_band
 from pdpost.measures.tip_surroundings import UndisturbedRoom
 from pdpost.reading.embedded_model import read
-from pdpost.reading.stored_fields import vector
+from pdpost.reading.frame_steps import vector
 from pdsolve.fracture.fields import Elastic
 from pdsolve.fracture.front_integrals import FrontFieldSamples, FrontParameters, Tube, front_integrals
 from pdsolve.fracture.gradients import PAIRS, green, hooke

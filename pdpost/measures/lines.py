@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from pdpost.measures import fields
-from pdpost.measures.lattice_neighbours import NEAR
+from pdpost.measures.crack_faces import NEAR
 from pdpost.measures.plate_geometry import read_plate_geometry
 from pdpost.measures.strain import families_without_broken_bonds
 from pdsolve.results import Nodes, Results, ResultsError

@@ -1,12 +1,21 @@
-"""Speed of a crack tip with its uncertainty: the slope of time over length along its path."""
+"""Speed of a crack tip with its uncertainty: the slope of time over length along its path.
+
+Wave speeds of a plate are limits of crack speeds.
+"""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 from scipy.special import stdtrit
+
+from pdmesh.model.material import Material
+from pdmesh.model.material_constants import poisson, rayleigh_speed
+from pdpost.reading.embedded_model import read
+from pdsolve.results import Results
 
 WINDOW = 10.0  # local spacings of path, at least, that a speed is measured over
 SURE = 0.95  # of Student's distribution; cracks drawn with noise are within their bands nine times in ten
@@ -66,3 +75,15 @@ def window_for_mean_speed(length_along_crack: NDArray[np.float64], point: int, l
     first = int(np.searchsorted(length_along_crack, low + slack, side="right")) - 1
     last = int(np.searchsorted(length_along_crack, low + length - slack))
     return slice(max(first, 0), last + 1)
+
+
+class _WaveSpeedGridFileKeys(msgspec.Struct):
+    """The keys of the grid file that wave speeds need."""
+
+    material: Material
+
+
+def plate_rayleigh_speed(results: Results) -> float:
+    """Rayleigh wave speed of the plate's main material, m/s; material regions are ignored."""
+    material = read(results, _WaveSpeedGridFileKeys).material
+    return rayleigh_speed(material.E, material.rho, material.plane, poisson(material))

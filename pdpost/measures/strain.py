@@ -19,7 +19,7 @@ from pdmesh.model.graphs import tree_of
 from pdmesh.model.material_constants import poisson
 from pdmesh.model.node_arrays import selected
 from pdpost.reading.embedded_model import physics_of, read
-from pdpost.reading.stored_fields import scalar, vector
+from pdpost.reading.frame_steps import scalar, vector
 from pdsolve.fracture.gradients import Stiffness, curved_gradients_of, gradients_of
 from pdsolve.results import Families, Results, ResultsError
 

@@ -29,7 +29,7 @@ from pdpost.measures.tip_surroundings import (
     tip_histories,
 )
 from pdpost.reading.embedded_model import at_rest, read
-from pdpost.reading.stored_fields import vector
+from pdpost.reading.frame_steps import vector
 from pdsolve.fracture.domain_integrals import FractureParameters, Ring, Sampled, SampledMotion, integrals
 from pdsolve.fracture.fields import Elastic
 from pdsolve.fracture.gradients import gradients_of, green

@@ -20,8 +20,7 @@ from pdpost.measures.cracked_nodes import damage_with_pre_cracks_at
 from pdpost.measures.cracks import DIRECTIONS, CrackEvent, find_crack_events
 from pdpost.measures.paths import crack_paths, main_growth_direction_name, mean_and_hausdorff_distance
 from pdpost.measures.plate_geometry import expect_same_plate
-from pdpost.reading.frame_steps import frames
-from pdpost.reading.stored_fields import vector
+from pdpost.reading.frame_steps import frames, vector
 from pdsolve.results import Results, ResultsError
 
 AWAY = 2.0  # of the larger spacing: displacements are compared where no crack is nearer

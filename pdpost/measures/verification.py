@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.amounts import pair_count
-from pdpost.measures.diffused_amounts import mass_balance
+from pdpost.measures.balance import mass_balance
 from pdpost.reading.embedded_model import run_of
 from pdpost.reading.frame_steps import frames
 from pdsolve.results import DamagedError, Results

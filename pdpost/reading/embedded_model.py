@@ -13,7 +13,7 @@ from pdmesh.model.contradictions import beyond
 from pdmesh.model.document import LARGEST, Crack, Run, Selection, Settings, Vector
 from pdmesh.model.grid_file_nodes import repeated_key
 from pdmesh.model.suggestions import decode_older, explained
-from pdpost.reading.time_text import time_text
+from pdpost.reading.frame_steps import time_text
 from pdsolve.results import Results, ResultsError
 
 T = TypeVar("T", bound=msgspec.Struct)

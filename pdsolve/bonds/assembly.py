@@ -1,4 +1,7 @@
-"""Bonds made by a scheme, in one list or in parts of some rows; areas of nodes by the thesis's equation 19."""
+"""Bonds made by a scheme, in one list or in parts of some rows; areas of nodes by the thesis's equation 19.
+
+A scheme says how bonds are made from a model, and has the properties that its users need.
+"""
 
 from __future__ import annotations
 
@@ -283,3 +286,15 @@ class BondStatistics:
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of the stiffness of each node under linear bonds, N/m^4."""
         return np.concatenate(self._stiffness_bound)
+
+
+class Scheme(NamedTuple):
+    """How the bonds of a model are made."""
+
+    name: str  # as users give it
+    fill: Callable[[Model], BondSource]
+    by_pairs: Callable[[Model], ByPairs]  # the same for bonds that hold energy by themselves
+    symmetric: bool  # energy and momentum are conserved
+    partial_cells: bool  # families reach half a spacing beyond the horizon, if the micromodulus is constant
+    matches_work: bool  # what softening and breaking bonds take from the motion is the area below their law's curve
+    exact_load: bool  # the body forces of an edge sum to traction * length

@@ -24,10 +24,8 @@ from pdsolve.bonds.assembly import BondSource
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, constrained_components, unbreakable
 from pdsolve.crack_growth.criteria import AHEAD, Verdict, by_intensity, by_release, by_stress
-from pdsolve.crack_growth.obstacles import ACTED_ON, CrackedPlate
-from pdsolve.crack_growth.tip_bond_weights import Round
-from pdsolve.crack_growth.tip_gradients import Surroundings
-from pdsolve.crack_growth.tips import Tip, tips_of
+from pdsolve.crack_growth.tip_gradients import Round, Surroundings
+from pdsolve.crack_growth.tips import ACTED_ON, CrackedPlate, Tip, tips_of
 from pdsolve.errors import CheckpointError
 from pdsolve.fracture.crack_particles import Particles, arms, grown, of_segments
 from pdsolve.fracture.domain_integrals import Ring

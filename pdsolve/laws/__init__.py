@@ -19,8 +19,7 @@ from pdsolve.laws import (
     plastic_correspondence,
     wan,
 )
-from pdsolve.laws.bond_limits import Limits, Sizes
-from pdsolve.laws.law import Law
+from pdsolve.laws.law import Law, Limits, Sizes
 from pdsolve.laws.pair_laws import bilinear, brittle, cohesive
 from pdsolve.model import Model, ModelError, ModelWarning
 

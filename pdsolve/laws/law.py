@@ -19,13 +19,18 @@ Symbols, for the bond k from node i to node j:
     m       (n, width) what nodes have between the passes
     now     the state as loops know it (`pdsolve.laws.bond_arrays.Now`)
     law     the columns (`Law.columns_type`): arrays of all bonds (b,) and nodes (n,)
+
+The stretches at which a bond changes are such that a crack costs its fracture energy: a pair law has a function
+`limits(material, bonds)`, not compiled: the stretches at which a bond begins to soften and breaks. On the way it
+dissipates c xi s_c^2 / 2, as a brittle bond with the critical stretch s_c does, or else so much that all bonds across a
+crack together do.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,12 +40,27 @@ from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws.bond_arrays import INLINE as INLINE
 from pdsolve.laws.bond_arrays import INNER as INNER
 from pdsolve.laws.bond_arrays import AnyList, Tabled
-from pdsolve.laws.bond_limits import Limits, Sizes
 from pdsolve.model import Model
 from pdsolve.state import Unknown
 
 Function = Callable[..., Any]  # that numba compiles
 Array = NDArray[np.floating]
+
+
+class Sizes(NamedTuple):
+    """What the limits of bonds (b,) depend on, besides their material."""
+
+    critical: NDArray[np.float64]  # (b,) s_c, stretch at which brittle bonds break
+    length: NDArray[np.float64]  # (b,) |xi|, m
+    horizon: NDArray[np.float64]  # (b,) the mean of both ends', m
+    ratio: float  # of horizon to spacing
+
+
+class Limits(NamedTuple):
+    """Stretches at which a bond softens and breaks."""
+
+    peak: NDArray[np.float64]  # begins to soften
+    limit: NDArray[np.float64]  # is gone
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,7 @@ from pdmesh.model.fracture_energy import LARGE_STRETCH, SOFT, TOUGH
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import critical_stretch
 from pdsolve.laws import LAWS, limits
-from pdsolve.laws.bond_limits import Limits, Sizes
-from pdsolve.laws.law import Pair
+from pdsolve.laws.law import Limits, Pair, Sizes
 from pdsolve.laws.pair import no_bonds
 from pdsolve.model import Model
 

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds.assembly import BondSource, BondStatistics, Counted
+from pdsolve.bonds.assembly import BondSource, BondStatistics, Counted, Scheme
 from pdsolve.lattice.operator import BlockLattice, TileLattice
 from pdsolve.laws import law_of
 from pdsolve.model import Model
@@ -24,7 +24,6 @@ from pdsolve.ranks.blocks import Scratch, Seen, blocks_of
 from pdsolve.ranks.ghost_exchange import GhostExchange
 from pdsolve.ranks.slabs import Slab
 from pdsolve.schemes import SCHEMES
-from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import Broken
 
 ENDS = ("_source", "_target")  # of bonds, in the names of their history

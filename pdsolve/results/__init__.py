@@ -19,11 +19,9 @@ from pdsolve.results.errors import (
     gone_back,
 )
 from pdsolve.results.lock import holder, writing_to
-from pdsolve.results.node_lifetimes import Lives
 from pdsolve.results.reader import Results
-from pdsolve.results.recovery import State, StateKind, is_empty, state_of
-from pdsolve.results.removal import remove
-from pdsolve.results.schema import Breaks, Epoch, Families, FrameRecord, Nodes
+from pdsolve.results.recovery import State, StateKind, is_empty, remove, state_of
+from pdsolve.results.schema import Breaks, Epoch, Families, FrameRecord, Lives, Nodes
 from pdsolve.results.writer import Writer, put_away
 
 __all__ = [

@@ -30,12 +30,12 @@ from pdsolve.results.checksums import (
     with_crc,
 )
 from pdsolve.results.errors import GoneError, ResultsError, ResultsWarning, WriteError, explained
-from pdsolve.results.lock import writing_to
+from pdsolve.results.lock import KEY, Token, writing_to
 from pdsolve.results.opening import for_writing
 from pdsolve.results.pieces import KEY as KEY_OF_PIECES
 from pdsolve.results.pieces import Pieces, beside
 from pdsolve.results.reader import Results
-from pdsolve.results.removal import INDEX_OF, remove
+from pdsolve.results.recovery import INDEX_OF, remove
 from pdsolve.results.schema import (
     CHUNK,
     STEPPED,
@@ -50,7 +50,6 @@ from pdsolve.results.schema import (
     select_nodes,
     statements,
 )
-from pdsolve.results.writer_token import KEY, Token
 
 PAGE, WAL_PAGES = 16384, 2048  # bytes; pages that are written before they are moved into the database proper
 LARGE, PIECE = 2**24, 2**17  # bytes of an array that is written in pieces; values in each of them

@@ -12,7 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds.assembly import Bonds, BondSource, BondStatistics, Counted, listed
+from pdsolve.bonds.assembly import Bonds, BondSource, BondStatistics, Counted, Scheme, listed
 from pdsolve.bonds.static_breakage import StaticBreakage
 from pdsolve.checks import refuse_fields
 from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, widened
@@ -48,7 +48,6 @@ from pdsolve.ranks.diffusing import EulerOnRanks
 from pdsolve.run.node_changes import GrowingCracks
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes.cubic_lattice_bonds import Tiled, tiled
-from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 from pdsolve.stepper import Stepper
 from pdsolve.steppers.steps_on_device import StepsOnDevice

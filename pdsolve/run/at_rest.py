@@ -8,6 +8,7 @@ from typing import cast
 import numpy as np
 
 from pdmesh.model.materials.solids import SOLIDS
+from pdsolve.bonds.assembly import Scheme
 from pdsolve.bonds.static_breakage import FamilyBonds, StaticBreakage
 from pdsolve.conditions import Drive, drive, widened
 from pdsolve.laws import law_of
@@ -40,7 +41,6 @@ from pdsolve.run.assembly import (
 )
 from pdsolve.run.node_changes import GrowingCracks
 from pdsolve.run.system import PreparedRun, System
-from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import zero_state
 
 MOST_ALONG_PATH = {2: FACTORED, 3: 10_000}  # free components by dimension: factors of 5800 in space take 0.5 GB

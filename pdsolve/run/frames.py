@@ -19,7 +19,7 @@ from pdmesh import VERSION
 from pdsolve.numerics.team import NAP, Team
 from pdsolve.results import Breaks, Families, Nodes, Writer
 from pdsolve.results.checksums import crc_joined
-from pdsolve.results.removal import INDEX_OF
+from pdsolve.results.recovery import INDEX_OF
 from pdsolve.results.schema import Births, Column
 from pdsolve.run.measures import compute_output_fields
 from pdsolve.run.rank_file import RankDatabase

@@ -14,7 +14,7 @@ from pdmesh.model.material_constants import critical_stretch
 from pdmesh.model.neighbours import ROUND_OFF
 from pdsolve.checks import named, warn
 from pdsolve.laws import limits
-from pdsolve.laws.bond_limits import Sizes
+from pdsolve.laws.law import Sizes
 from pdsolve.model import Model
 from pdsolve.run.inverted_on_lattice import find_inverted_lattice_triangles
 from pdsolve.state import Broken

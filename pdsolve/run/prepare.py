@@ -15,6 +15,7 @@ from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds
 from pdsolve.adaptivity.quadtree.operator import SURE, QuadtreeOperator, create_quadtree
 from pdsolve.adaptivity.two_lattice_operator import TwoLatticeStepper
+from pdsolve.bonds.assembly import Scheme
 from pdsolve.checks import refuse_combinations, refuse_numbers
 from pdsolve.conditions import constrained_components, damping, initial_velocity, refuse_layers
 from pdsolve.diffusion import system as diffusion
@@ -41,7 +42,6 @@ from pdsolve.run.ranks_start import prepare_run_on_ranks
 from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone, broken_bonds_by_grid_rows
 from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes import SCHEMES
-from pdsolve.schemes.scheme import Scheme
 from pdsolve.steppers.euler import ForwardEuler
 
 WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they all there

@@ -22,7 +22,7 @@ from pdsolve.codegen.compile_time import processor_kind, running_time
 from pdsolve.diffusion.masses import MassAccounts
 from pdsolve.numerics.team import Team
 from pdsolve.results import Breaks, Epoch, Families, FrameRecord, Nodes, Results, Writer, pieces, remove
-from pdsolve.results.removal import expect_piece
+from pdsolve.results.recovery import expect_piece
 from pdsolve.results.schema import CHUNK, Births, select_nodes
 from pdsolve.run import frames
 from pdsolve.run.accounts import Accounts, CoupledAccounts

@@ -8,13 +8,13 @@ from typing import cast
 import msgspec
 import numpy as np
 
+from pdsolve.bonds.assembly import Scheme
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.rest.equilibrium import force_densities
 from pdsolve.rest.load_steps import LoadSteps
 from pdsolve.run.at_rest import prepare_quasi_static_run
 from pdsolve.run.system import PreparedRun
-from pdsolve.schemes.scheme import Scheme
 
 
 def start_in_static_equilibrium(prepared: PreparedRun) -> PreparedRun:

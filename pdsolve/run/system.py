@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.bonds.assembly import Scheme
 from pdsolve.conditions import Drive
 from pdsolve.diffusion.system import Transport
 from pdsolve.lattice.operator import BlockLattice
@@ -18,7 +19,6 @@ from pdsolve.operators.contact.operator import PenaltyContact
 from pdsolve.operators.protocol import CheckpointArrays, Operator
 from pdsolve.options import Options, threads_of
 from pdsolve.ranks.slabs import Slab
-from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import Broken, State
 from pdsolve.stepper import Stepper
 from pdsolve.zone.summary import ZoneSummary

@@ -7,11 +7,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds.assembly import BondSource, Paired
+from pdsolve.bonds.assembly import BondSource, Paired, Scheme
 from pdsolve.model import Model
 from pdsolve.schemes import average_horizon, families, one_sided
 from pdsolve.schemes.gripped_edges import gripped
-from pdsolve.schemes.scheme import Scheme
 
 
 def _symmetric(model: Model) -> BondSource:

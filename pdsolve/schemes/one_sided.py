@@ -18,7 +18,7 @@ from pdmesh.model.visibility import sight_of
 from pdsolve.bonds.assembly import BondSource, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable
 from pdsolve.laws import limits
-from pdsolve.laws.bond_limits import Sizes
+from pdsolve.laws.law import Sizes
 from pdsolve.model import Model
 
 

@@ -60,8 +60,7 @@ def main(argv: Sequence[str]) -> int:
 def _study(args: argparse.Namespace) -> int:
     commandline.expect(args.study, FileKind.STUDY)
     from pdsolve.study.description import read_study
-    from pdsolve.study.dispatch import Crew, solve_study
-    from pdsolve.study.progress import StudyWatch
+    from pdsolve.study.dispatch import Crew, StudyWatch, solve_study
 
     if args.scheduler and args.workers:
         raise commandline.UsageError(

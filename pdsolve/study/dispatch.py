@@ -1,22 +1,27 @@
 """Distributes the runs of a study to processes on this machine, or to those of a Dask scheduler.
 
 One process, this one, writes the table; workers solve, and write the databases of their runs to the study's folder.
+
+Progress is one bar over all runs in a terminal or notebook; an occasional line elsewhere.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from pdmesh import VERSION, SceneError, file_parameters
 from pdmesh.files import FilePath
+from pdmesh.plain_text import print_to_stderr
 from pdsolve.numerics.thread_team import cores
 from pdsolve.results import holder, remove, writing_to
+from pdsolve.run.progress import LINE_EVERY, make_progress_bar
 from pdsolve.study.cluster import expect_scheduler, solved_by
 from pdsolve.study.description import Study, StudyError
 from pdsolve.study.measure_columns import measures_of
-from pdsolve.study.one_run import Outcome, Task
+from pdsolve.study.one_run import PATIENCE, Outcome, Task
 from pdsolve.study.recovered_runs import kept, own_runs
 from pdsolve.study.run_model import NAMED, check_study_and_return_dimension
 from pdsolve.study.table import FAILED, FINISHED, Row, Table, run_folder
@@ -138,3 +143,39 @@ def _solve_tasks(tasks: Sequence[Task], crew: Crew) -> Iterator[Outcome]:
     if crew.scheduler is not None:
         return solved_by(tasks, crew.scheduler)
     return solved_here(tasks, crew.workers or max(1, cores() // crew.threads))
+
+
+class StudyWatch:
+    """Shows the progress of a study.
+
+    with StudyWatch() as watch:
+        solve_study(study, path, watch=watch)
+    """
+
+    def __init__(self, quiet: bool = False) -> None:
+        self._quiet, self._said = quiet, time.monotonic()
+        self._bar: Any = None
+
+    def __enter__(self) -> StudyWatch:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+    def __call__(self, progress: StudyProgress) -> None:
+        done, text = progress.finished + progress.failed, f"{progress.failed} failed"
+        for number, name in progress.held.items():
+            print_to_stderr(
+                f"pdsolve study: run {number} waits up to {PATIENCE:g} s for {name}, which writes to its database"
+            )
+        if self._quiet:
+            return
+        if self._bar is None:
+            self._bar = make_progress_bar("solving", " runs", total=progress.runs, initial=done)
+        if self._bar is not None:
+            self._bar.set_postfix_str(text, refresh=False)
+            self._bar.update(done - self._bar.n)
+        elif time.monotonic() - self._said > LINE_EVERY:
+            self._said = time.monotonic()
+            print_to_stderr(f"run {done} of {progress.runs}, {text}")

@@ -4,26 +4,118 @@
 
 The table ``run`` has a column for each parameter and each measure, ``column_unit`` describes them, ``study`` holds the
 study itself, ``checksum`` detects damage; older tables have none.
+
+Data is read as written, or refused: the table ``checksum`` has a CRC-32 for each row of ``run``, over its non-NULL
+values and the names of their columns, so that a new column changes none. Number 0 holds the checksums of the other
+tables, and the number of runs.
 """
 
 from __future__ import annotations
 
 import json
+import re
 import sqlite3
+import zlib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import msgspec
+
 from pdsolve.results.errors import WriteError
 from pdsolve.results.opening import for_writing, read_only, recover
-from pdsolve.study import table_checksums
 from pdsolve.study.description import Case, Study, StudyError
 from pdsolve.study.measure_columns import OWN, UNITS, Measure
 
+WHOLE = ("study", "column_unit")  # small tables
+FILE = re.compile(r"[^/\\\0]+\.runs/\d{4,}\.sqlite")  # of a run: in a folder beside the table, nowhere else
 APPLICATION_ID = 0x70647374  # "pdst"
 WAITING, FINISHED, FAILED = "waiting", "finished", "failed"
 MOST_SAID = 200  # letters of what SQLite says
+
+
+class DamagedTableError(ValueError):
+    """A study's table that does not hold what was written to it; the message is what was found."""
+
+
+def begin(connection: sqlite3.Connection) -> None:
+    """Create the checksums of a table without any, within a transaction."""
+    connection.execute(
+        "CREATE TABLE checksum (name TEXT, number INTEGER, count INTEGER, crc INTEGER, PRIMARY KEY (name, number))"
+    )
+    seal(connection, [number for (number,) in connection.execute("SELECT number FROM run")])
+
+
+def has(connection: sqlite3.Connection) -> bool:
+    """Whether the table has checksums; older tables have none."""
+    return connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'checksum'").fetchone() is not None
+
+
+def seal(connection: sqlite3.Connection, numbers: Iterable[int] = ()) -> None:
+    """Update the checksums of the runs with these numbers and of the small tables, within the changing transaction."""
+    ((runs,),) = connection.execute("SELECT count(*) FROM run")
+    sums = [(name, 0, *_of_all(connection, name)) for name in WHOLE] + [("run", 0, runs, 0)]
+    for number in numbers:
+        ((_, crc),) = _of_runs(connection, "WHERE number = ?", number)
+        sums.append(("run", number, 1, crc))
+    connection.executemany("INSERT OR REPLACE INTO checksum VALUES (?, ?, ?, ?)", sums)
+
+
+def expect_whole(connection: sqlite3.Connection) -> None:
+    """Read and check the whole table. Raises DamagedTableError, sqlite3.Error, UnicodeDecodeError."""
+    connection.execute("BEGIN")  # of one moment: another process may write
+    try:
+        (said,) = connection.execute("PRAGMA integrity_check(1)").fetchone()
+        if said != "ok":
+            raise DamagedTableError(f"{' '.join(said.split())}")
+        kinds = dict(connection.execute("SELECT name, type FROM sqlite_master"))
+        for name in (*WHOLE, "run"):
+            if kinds.get(name) != "table":
+                raise DamagedTableError(f"there is no table {name}")
+        columns = [name for _, name, *_ in connection.execute("PRAGMA table_info(run)")]
+        units = [name for (name,) in connection.execute("SELECT name FROM column_unit")]
+        if missing := [name for name in (*OWN, *units) if name not in columns]:
+            raise DamagedTableError(f"there is no column {missing[0]} of run")
+        for number, file in connection.execute("SELECT number, file FROM run"):
+            if not isinstance(file, str) or not FILE.fullmatch(file):
+                raise DamagedTableError(f"the file of run {number} is {str(file)[:60]!r}")
+        if has(connection):
+            _expect_sums(connection)
+    finally:
+        connection.execute("ROLLBACK")
+
+
+def _expect_sums(connection: sqlite3.Connection) -> None:
+    sums = {(name, number): rest for name, number, *rest in connection.execute("SELECT * FROM checksum")}
+    for name in WHOLE:
+        if sums.pop((name, 0), None) != [*_of_all(connection, name)]:
+            raise DamagedTableError(f"its {name} is damaged")
+    ((runs,),) = connection.execute("SELECT count(*) FROM run")
+    if sums.pop(("run", 0), None) != [runs, 0] or len(sums) != runs:
+        raise DamagedTableError(f"{runs} runs are there, which are not as many as were written")
+    for number, crc in _of_runs(connection):
+        if sums.get(("run", number)) != [1, crc]:
+            raise DamagedTableError(f"run {number} is damaged")
+
+
+def _of_all(connection: sqlite3.Connection, name: str) -> tuple[int, int]:
+    """Number of rows of a table, and the CRC of all."""
+    rows = connection.execute(f"SELECT * FROM {name} NOT INDEXED ORDER BY name").fetchall()
+    return len(rows), _crc(rows)
+
+
+def _of_runs(connection: sqlite3.Connection, where: str = "", *values: Any) -> Iterator[tuple[int, int]]:
+    """Number and CRC of rows of ``run``."""
+    cursor = connection.execute(f"SELECT * FROM run {where}", values)
+    names = [entry[0] for entry in cursor.description]
+    for row in cursor:
+        row_values = {name: value for name, value in zip(names, row, strict=True) if value is not None}
+        yield row_values["number"], _crc(sorted(row_values.items()))
+
+
+def _crc(value: Any) -> int:
+    return zlib.crc32(msgspec.msgpack.encode(value))
 
 
 class Row(NamedTuple):
@@ -90,9 +182,9 @@ class Table:
                     f"PRAGMA application_id = {APPLICATION_ID}",
                 ):
                     table.connection.execute(statement)
-                table_checksums.begin(table.connection)
-            elif not table_checksums.has(table.connection):
-                table_checksums.begin(table.connection)
+                begin(table.connection)
+            elif not has(table.connection):
+                begin(table.connection)
             mark = study.digest
             stored_mark = table.about().get("drawing_sha256", mark)
             if stored_mark != mark:
@@ -100,13 +192,13 @@ class Table:
             about = {"program": version, "study": study.text, "drawing": str(study.drawing), "drawing_sha256": mark}
             about["varied"] = json.dumps(study.varied)
             table.connection.executemany("INSERT OR REPLACE INTO study VALUES (?, ?)", list(about.items()))
-            table_checksums.seal(table.connection)
+            seal(table.connection)
         return table
 
     def _expect_whole(self) -> None:
         try:
             with _explained(self.path):
-                table_checksums.expect_whole(self.connection)
+                expect_whole(self.connection)
         except StudyError:
             self.connection.close()
             raise
@@ -169,7 +261,7 @@ class Table:
                     stored = [_stored(value) for value in row.values()]
                     self.connection.execute(f"INSERT INTO run ({names}) VALUES ({marks})", stored)
                     new.append(number)
-            table_checksums.seal(self.connection, new)
+            seal(self.connection, new)
         return {case.key: numbers[case.key] for case in cases}
 
     def _column(self, name: str, column: Column) -> None:
@@ -186,7 +278,7 @@ class Table:
             self.connection.execute(
                 f"UPDATE run SET {places} WHERE number = ?", [*map(_stored, values.values()), number]
             )
-            table_checksums.seal(self.connection, [number])
+            seal(self.connection, [number])
 
     def columns(self) -> dict[str, Column]:
         """Parameters, then measures, in the order of their creation."""
@@ -217,7 +309,7 @@ def _explained(path: Path) -> Iterator[None]:
     """A context that turns SQLite's errors, and damage, into one line that names the file and the remedy."""
     try:
         yield
-    except (sqlite3.Error, UnicodeDecodeError, table_checksums.DamagedTableError) as error:
+    except (sqlite3.Error, UnicodeDecodeError, DamagedTableError) as error:
         code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_CORRUPT) & 0xFF
         said = " ".join(str(error).split())[:MOST_SAID]
         if code not in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_ERROR):

@@ -16,7 +16,7 @@ from pdmesh.model.lattice_calibration import calibration, has_partial_cells, hu_
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import critical_stretch, micromodulus
 from pdsolve.laws import limits
-from pdsolve.laws.bond_limits import Sizes
+from pdsolve.laws.law import Sizes
 
 X, Y, X2, Y2, INVERSE, STIFFNESS = range(6)  # columns of a table of springs
 COARSE_OFFSETS = ((1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1))

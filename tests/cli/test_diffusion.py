@@ -14,8 +14,7 @@ from plates import GEOMETRIES
 
 from pdmesh.__main__ import main as pdmesh
 from pdpost.__main__ import main as pdpost
-from pdpost.figures.field_figure import field
-from pdpost.figures.notebook import DPI
+from pdpost.figures.field_figure import DPI, field
 from pdpost.figures.style import styled, written
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.results import Results

@@ -13,7 +13,7 @@ from plates import ROOT
 
 from pdmesh import Circle, Scene, box, build
 from pdpost import crack_table
-from pdpost.reading.table_columns import columns_of
+from pdpost.reading.studies import columns_of
 from pdsolve import Model, Watch, resume, simulate
 from pdsolve.results import Results
 

@@ -22,7 +22,7 @@ from pdsolve.__main__ import _says_how_to_go_on, main
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.results import Results
-from pdsolve.results.writer_token import Token
+from pdsolve.results.lock import Token
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Progress, resume, simulate
 from pdsolve.state import State

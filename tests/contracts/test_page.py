@@ -59,7 +59,7 @@ def test_the_page_adds_a_law(copy: Path) -> None:
         "error",
         "-c",
         "from pdmesh import Material\nfrom pdsolve.laws import LAWS\nfrom pdsolve.laws.pair_laws import saturating\n"
-        "from pdsolve.laws.bond_limits import Sizes\n"
+        "from pdsolve.laws.law import Sizes\n"
         "assert LAWS['saturating'] is saturating.LAW\n"
         "glass = Material(E=65e9, rho=2235, G0=204, law='saturating', kr=2)\n"
         "print(*saturating.limits(glass, Sizes(1e-3, 1e-3, 3e-3, 3.0)))",

@@ -17,9 +17,8 @@ from pdmesh.model.document import Horizon, Material, Settings
 from pdmesh.model.node_grid import Grid
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import LAWS, law_of, limits
-from pdsolve.laws.bond_limits import Sizes
 from pdsolve.laws.calls import added_force, bind, broken_energy, force_over_stiffness, total_dissipated_energy
-from pdsolve.laws.law import Law
+from pdsolve.laws.law import Law, Sizes
 from pdsolve.laws.pair import no_bonds
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList

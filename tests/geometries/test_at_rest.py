@@ -9,8 +9,12 @@ import numpy as np
 import pytest
 from plates import shipped
 
-from pdpost.measures.forces import read_condition_force_histories, select_condition_force_histories
-from pdpost.measures.gaps import force_over_gap_opening, read_named_gap
+from pdpost.measures.forces import (
+    force_over_gap_opening,
+    read_condition_force_histories,
+    read_named_gap,
+    select_condition_force_histories,
+)
 from pdpost.measures.stress_intensities import follow_tip_intensities
 from pdsolve.model import Model
 from pdsolve.results import Results

@@ -14,7 +14,7 @@ from pdmesh.model.document import Material
 from pdmesh.model.lattice_calibration import lattice_ratios, offsets
 from pdmesh.model.material_constants import critical_stretch, micromodulus
 from pdsolve.laws import limits
-from pdsolve.laws.bond_limits import Sizes
+from pdsolve.laws.law import Sizes
 from pdsolve.laws.pair_laws.bilinear import dissipated_share, intact_share
 
 MARAGING = Material(E=191e9, rho=8000.0, G0=1e4, law="bilinear", kr=1.638, keep_G0=False)

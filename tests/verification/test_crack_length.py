@@ -15,8 +15,12 @@ from shapely import Point
 
 from pdmesh import Material, Run, Scene, Static, box, build, ramp
 from pdmesh.model.document import ParticleRules
-from pdpost.measures.forces import read_condition_force_histories, select_condition_force_histories
-from pdpost.measures.gaps import force_over_gap_opening, read_named_gap
+from pdpost.measures.forces import (
+    force_over_gap_opening,
+    read_condition_force_histories,
+    read_named_gap,
+    select_condition_force_histories,
+)
 from pdsolve.model import Model, ModelWarning
 from pdsolve.rest.crack_length import CrackLengthSteps
 from pdsolve.rest.equilibrium import Equilibrium

@@ -14,7 +14,7 @@ from pdmesh.model.lattice_calibration import calibration
 from pdmesh.model.material_constants import critical_stretch
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws import law_of, limits
-from pdsolve.laws.bond_limits import Sizes
+from pdsolve.laws.law import Sizes
 from pdsolve.laws.pair_laws import brittle
 from pdsolve.model import Model
 from pdsolve.options import Options

@@ -16,7 +16,7 @@ from system_checks import by_row_sum
 
 from pdmesh.model.document import Displacement, Load, Run, Static
 from pdmesh.model.lattice_calibration import lattice_ratios
-from pdsolve.bonds.assembly import BondSource, Part
+from pdsolve.bonds.assembly import BondSource, Part, Scheme
 from pdsolve.conditions import put_loads
 from pdsolve.model import Model
 from pdsolve.options import Options
@@ -29,7 +29,6 @@ from pdsolve.run.at_rest import prepare_quasi_static_run
 from pdsolve.run.system import PreparedRun
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.average_horizon import Corrections, fill
-from pdsolve.schemes.scheme import Scheme
 from pdsolve.state import State
 
 UNIT = msgspec.structs.replace(GLASS, E=1.0, G0=1e9, micromodulus="constant")

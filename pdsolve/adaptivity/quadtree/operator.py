@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from pdsolve.adaptivity.quadtree.incremental_bonds import LeafBonds
 from pdsolve.adaptivity.quadtree.tree import Quadtree, QuadtreeCells
+from pdsolve.bonds.assembly import Scheme
 from pdsolve.checkpoint_validation import entry
 from pdsolve.laws import law_of
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import CheckpointArrays
-from pdsolve.schemes.scheme import Scheme
 from pdsolve.zone.refusals import create_unsupported_error
 from pdsolve.zone.summary import ZoneSummary
 

@@ -18,8 +18,7 @@ from numba import njit
 from numba.extending import register_jitable
 
 from pdmesh.model.material import Material
-from pdsolve.laws.bond_limits import Limits, Sizes
-from pdsolve.laws.law import INNER, Pair, Softening
+from pdsolve.laws.law import INNER, Limits, Pair, Sizes, Softening
 from pdsolve.laws.pair import PairColumns, pair_law
 
 

@@ -8,8 +8,7 @@ s_(n+1) / 2 (s_n of the last intact step, s_(n+1) at detection). Half of the ene
 from __future__ import annotations
 
 from pdmesh.model.material import Material
-from pdsolve.laws.bond_limits import Limits, Sizes
-from pdsolve.laws.law import Pair
+from pdsolve.laws.law import Limits, Pair, Sizes
 from pdsolve.laws.pair import PairColumns, pair_law
 
 

@@ -28,8 +28,7 @@ from numba.extending import register_jitable
 
 from pdmesh.model.cohesive_softening import AREA, DECAYS, critical_opening, first_stretch
 from pdmesh.model.material import Material
-from pdsolve.laws.bond_limits import Limits, Sizes
-from pdsolve.laws.law import INNER, Function, Law, Pair, Softening
+from pdsolve.laws.law import INNER, Function, Law, Limits, Pair, Sizes, Softening
 from pdsolve.laws.pair import PairColumns, pair_law
 from pdsolve.numerics.exponential import exponential
 

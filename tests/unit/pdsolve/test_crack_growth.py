@@ -20,8 +20,7 @@ from pdmesh.model.visibility import Sight
 from pdpost.measures.cracks import find_crack_events
 from pdsolve.crack_growth.criteria import ANGLES, Verdict, _maxima, by_stress
 from pdsolve.crack_growth.growth import every_of
-from pdsolve.crack_growth.obstacles import CrackedPlate
-from pdsolve.crack_growth.tips import tips_of
+from pdsolve.crack_growth.tips import CrackedPlate, tips_of
 from pdsolve.fracture.crack_particles import arms, until
 from pdsolve.fracture.domain_integrals import Ring, Sampled
 from pdsolve.model import Model, ModelError, ModelWarning

@@ -17,8 +17,7 @@ from pdmesh import Material, Scene, box, build
 from pdmesh.model.document import Region, Run
 from pdsolve.checks import refuse_fields
 from pdsolve.laws import LAWS
-from pdsolve.laws.bond_limits import Limits, Sizes
-from pdsolve.laws.law import Pair, Softening
+from pdsolve.laws.law import Limits, Pair, Sizes, Softening
 from pdsolve.laws.material_checks import negative_secant, remarks
 from pdsolve.model import ModelError
 from pdsolve.run.energy_accounts import instability_message

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Results, ResultsError, Writer
 from pdsolve.results.checksums import crc_joined
 from pdsolve.results.pieces import KEY, Pieces
-from pdsolve.results.removal import expect_piece
+from pdsolve.results.recovery import expect_piece
 from pdsolve.results.schema import Births, Column
 
 COUNT, CUT = 1500, 1000

@@ -12,9 +12,8 @@ from pdmesh import stopping
 from pdsolve.run import progress
 from pdsolve.run.progress import Watch
 from pdsolve.run.simulation import Progress
-from pdsolve.study import progress as of_studies
-from pdsolve.study.dispatch import StudyProgress
-from pdsolve.study.progress import StudyWatch
+from pdsolve.study import dispatch as of_studies
+from pdsolve.study.dispatch import StudyProgress, StudyWatch
 
 
 class Bar:

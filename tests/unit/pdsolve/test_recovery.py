@@ -18,9 +18,9 @@ from messages import mentions, naming
 
 from pdsolve.model import Model
 from pdsolve.results import BusyError, GoneError, Results, ResultsError, StateKind, TakenError, Writer, state_of
+from pdsolve.results.lock import Token
 from pdsolve.results.opening import recover
 from pdsolve.results.writer import PAGE
-from pdsolve.results.writer_token import Token
 from pdsolve.run.simulation import Progress, resume, simulate
 
 HELD = """if True:

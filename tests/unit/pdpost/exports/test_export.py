@@ -15,7 +15,7 @@ from messages import naming
 from tampered_databases import tampered
 
 from pdpost.__main__ import main
-from pdpost.exports import frame_files, node_sets
+from pdpost.exports import frame_files
 from pdpost.exports.frame_files import ExportError
 from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdsolve.results import Results, ResultsError
@@ -226,7 +226,7 @@ def test_conditions_are_sets_of_nodes_by_their_names(
     said = json.loads(capsys.readouterr().out)["conditions"]
     with Results.open(small_results) as results:
         named = json.loads(results.model())["conditions"]
-        sets = node_sets.node_sets(results, 0)
+        sets = frame_files.node_sets(results, 0)
     assert len(said) == len(named) > 1
     mesh = meshio.read(path)
     for number, (name, nodes) in enumerate(said.items()):

@@ -24,12 +24,12 @@ from pdpost.figures import (
     colours,
     crack_figure,
     field_figure,
-    level_figure,
+    scene_figure,
     sheets,
     style,
     tradeoff_figure,
 )
-from pdpost.figures.labels import prefixed
+from pdpost.figures.colours import prefixed
 from pdpost.figures.style import FigureError
 from pdpost.measures import crack_summary, plate_geometry
 from pdpost.measures.bond_pairs import read_bond_pairs
@@ -42,7 +42,7 @@ from pdsolve.run.measures import EnergyBalanceRow
 DRAW: dict[str, Callable[[Results], Figure]] = {
     "damage": lambda results: field_figure.field(results, "damage", 60),
     "stress": lambda results: field_figure.field(results, "stress", 60, scale=2.0),
-    "nodes": lambda results: level_figure.nodes(results, 60, scale=1.0),
+    "nodes": lambda results: scene_figure.nodes(results, 60, scale=1.0),
     "bonds": lambda results: bond_figure.bonds(results, 60),
 }
 
@@ -385,7 +385,7 @@ def test_many_bonds_are_counted(small_results: Path, monkeypatch: pytest.MonkeyP
 
 def test_the_nodes_by_level(small_results: Path, tmp_path: Path) -> None:
     with Results.open(small_results) as results:
-        figure = level_figure.nodes(results, 60)
+        figure = scene_figure.nodes(results, 60)
         nodes = results.nodes()
     dots = figure.axes[0].collections[0]
     assert np.asarray(dots.get_offsets()) == pytest.approx(nodes.position * 1e3)

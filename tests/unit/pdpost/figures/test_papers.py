@@ -15,7 +15,7 @@ from PIL import Image
 
 from pdpost import figures
 from pdpost.__main__ import main
-from pdpost.figures.labels import spelled
+from pdpost.figures.colours import spelled
 from pdpost.figures.style import JOURNALS, FigureError, written
 from pdsolve.results import Results
 

@@ -17,7 +17,7 @@ from pdmesh import Circle, Material, Run, Scene, box
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import write_file
 from pdmesh.model.node_grid import document_of
-from pdpost.figures import bond_figure, crack_figure, field_figure, level_figure, sheets
+from pdpost.figures import bond_figure, crack_figure, field_figure, scene_figure, sheets
 from pdpost.figures.scene_figure import scene
 from pdpost.measures import plate_geometry
 from pdpost.measures.plate_geometry import clipped_voronoi_cells, expect_same_plate, read_plate_geometry
@@ -109,7 +109,7 @@ def test_fields_fill_the_plate_and_nothing_else(
 def test_edges_and_pre_cracks_are_drawn(bored: Path, what: str) -> None:
     """Every ring of the model and the pre-crack, with a word for it in a legend."""
     more = {
-        "nodes": lambda results: level_figure.nodes(results, 20),
+        "nodes": lambda results: scene_figure.nodes(results, 20),
         "bonds": lambda results: bond_figure.bonds(results, 20),
     }
     with Results.open(bored) as results:

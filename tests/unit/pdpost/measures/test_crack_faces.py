@@ -12,11 +12,11 @@ from pdpost.measures.crack_faces import (
     PRE_CRACK,
     CrackSurface,
     FaceNeighbourPairs,
+    face_neighbour_pairs,
     mesh_faces_between_pairs,
 )
 from pdpost.measures.crack_faces import _pairs_are_inside_cracked_region as in_the_middle
 from pdpost.measures.crack_fronts import chain_edges, estimate_front_speed_at_faces, front_lines_at, line_length
-from pdpost.measures.lattice_neighbours import face_neighbour_pairs
 from pdsolve.results import Nodes
 
 RADIUS = 11.0  # m, of a penny in a cube of 30 nodes 1 m apart

@@ -11,8 +11,7 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Displacement, Run, Static
 from pdpost.__main__ import main
-from pdpost.measures.forces import read_condition_force_histories
-from pdpost.measures.gaps import force_over_gap_opening, measure_gap_between_places
+from pdpost.measures.forces import force_over_gap_opening, measure_gap_between_places, read_condition_force_histories
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.simulation import Options, simulate
 

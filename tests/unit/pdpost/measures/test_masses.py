@@ -14,7 +14,7 @@ from pdmesh.model.document import Horizon, Run, Settings, Source
 from pdmesh.model.medium import Medium
 from pdpost.__main__ import main as pdpost
 from pdpost.figures import charts, page
-from pdpost.measures.diffused_amounts import mass_balance, mass_balance_with_unit
+from pdpost.measures.balance import mass_balance, mass_balance_with_unit
 from pdpost.reading.tables import tables
 from pdsolve.model import Model
 from pdsolve.results import Results

@@ -8,9 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from pdpost.measures import crack_summary, predicted_directions
-from pdpost.measures.directions import InitialCrackDirection
-from pdpost.measures.predicted_directions import PredictedCrackDirection, predict_initial_directions
+from pdpost.measures import crack_summary, directions
+from pdpost.measures.directions import InitialCrackDirection, PredictedCrackDirection, predict_initial_directions
 from pdsolve.results import ResultsError
 
 LEFT = InitialCrackDirection((0.02, 0.03), -45.1, -46.9, -43.4, 0.02, -45.1)
@@ -32,7 +31,7 @@ def test_the_last_frame_before_bonds_broke_predicts(monkeypatch: pytest.MonkeyPa
         looked.append((steps, near))
         return [around(-70.5, -71.0, -70.0)]
 
-    monkeypatch.setattr(predicted_directions, "follow_tip_intensities", follow)
+    monkeypatch.setattr(directions, "follow_tip_intensities", follow)
     (found,) = predict_initial_directions(results(), [LEFT], 6)
     assert looked == [([5], (0.02, 0.03))]
     assert (found.frame_step, found.angle_from_pre_crack) == (5, -70.5)
@@ -42,7 +41,7 @@ def test_the_last_frame_before_bonds_broke_predicts(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.parametrize("angle", [(-70.5, -90.0, -60.0), (np.nan, np.nan, np.nan), (-70.5, -71.0, -70.0, 0.0)])
 def test_what_is_vague_predicts_nothing(angle: tuple[float, ...], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(predicted_directions, "follow_tip_intensities", lambda *_: [around(*angle)])
+    monkeypatch.setattr(directions, "follow_tip_intensities", lambda *_: [around(*angle)])
     assert predict_initial_directions(results(), [LEFT], 6) == []
 
 
@@ -50,7 +49,7 @@ def test_a_tip_without_room_predicts_nothing(monkeypatch: pytest.MonkeyPatch) ->
     def follow(*_: Any) -> Any:
         raise ResultsError("found no tip")
 
-    monkeypatch.setattr(predicted_directions, "follow_tip_intensities", follow)
+    monkeypatch.setattr(directions, "follow_tip_intensities", follow)
     assert predict_initial_directions(results(), [LEFT], 6) == []
 
 

@@ -9,8 +9,7 @@ import pytest
 from damaged_results import lattice, run
 
 from pdmesh.model.material_constants import rayleigh_ratio, rayleigh_speed
-from pdpost.measures.speed import TipSpeeds, estimate_tip_speeds, window_for_mean_speed
-from pdpost.measures.waves import plate_rayleigh_speed
+from pdpost.measures.speed import TipSpeeds, estimate_tip_speeds, plate_rayleigh_speed, window_for_mean_speed
 
 
 @pytest.mark.parametrize(("nu", "ratio"), [(0.0, 0.8740), (0.25, 0.9194), (1 / 3, 0.9325), (0.5, 0.9553)])

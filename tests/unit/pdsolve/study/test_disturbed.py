@@ -13,7 +13,7 @@ from plates import plate, square_grid
 from pdmesh.model.document import Run
 from pdsolve.model import Model, ModelError
 from pdsolve.study.description import Repeat
-from pdsolve.study.disturbed import disturbed
+from pdsolve.study.run_model import disturbed
 
 DELTA = 1e-3
 STEP = 5e-8

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from messages import naming
 
-from pdsolve.study import table_checksums
+from pdsolve.study import table
 from pdsolve.study.description import Study, StudyError, read_study
 from pdsolve.study.measure_columns import MEASURES
 from pdsolve.study.table import FAILED, FINISHED, WAITING, Table
@@ -157,7 +157,7 @@ def test_one_whose_program_was_killed_at_any_statement_is_gone_on_with(
 
 def test_a_table_is_looked_at_as_of_one_moment(path: Path, study: Study, monkeypatch: pytest.MonkeyPatch) -> None:
     """A study that goes on meanwhile makes nothing look damaged."""
-    looked = table_checksums._expect_sums
+    looked = table._expect_sums
 
     def later(connection: sqlite3.Connection) -> None:
         writer = Table(sqlite3.connect(path, isolation_level=None, timeout=0.1), path)
@@ -165,9 +165,9 @@ def test_a_table_is_looked_at_as_of_one_moment(path: Path, study: Study, monkeyp
             writer.finish(3, {"nodes": 4})
         looked(connection)
 
-    monkeypatch.setattr(table_checksums, "_expect_sums", later)
-    with Table.open(path) as table:
-        assert table.rows()[2].status == WAITING
+    monkeypatch.setattr(table, "_expect_sums", later)
+    with Table.open(path) as opened:
+        assert opened.rows()[2].status == WAITING
 
 
 def test_a_column_more_is_not_read(path: Path) -> None:
