@@ -39,8 +39,8 @@ from pdsolve.run.assembly import (
     count_bonds_and_compute_stiffness_bound,
     stable_time_step_from_stiffness_bound,
 )
+from pdsolve.run.initial_states import prepare_quasi_static_model_of_start
 from pdsolve.run.prepare import prepare, select_scheme
-from pdsolve.run.static_start import prepare_quasi_static_model_of_start
 from pdsolve.run.system import System
 
 DEFAULT = Options()

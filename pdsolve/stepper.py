@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pdsolve.state import Broken, State
 
 if TYPE_CHECKING:
-    from pdsolve.adaptivity.factory import MovingZoneOperator
+    from pdsolve.operators.protocol import Operator
 
 
 class LoadStepProgress(NamedTuple):
@@ -50,8 +50,8 @@ class Stepper(ABC):
     def synchronize(self) -> None:  # noqa: B027 - only of a device is the state elsewhere
         """Bring the state up to the steps taken."""
 
-    def on_operator(self, operator: MovingZoneOperator) -> Stepper:
-        """The stepper of the same model on other nodes of its moving fine zone."""
+    def on_operator(self, operator: Operator) -> Stepper:
+        """The stepper of the same model on other nodes, which the operator of its moving fine zone has made."""
         raise NotImplementedError("the nodes of this stepper stay")
 
     @property

@@ -69,7 +69,7 @@ RIGHT_ANSWERS = (
         "tests/verification/test_zone_strength.py::test_building_warns_of_loads_on_coarse_zones",
     ),
     Mutant(
-        "pdsolve/run/coarse_breaks.py",
+        "pdsolve/run/result_warnings.py",
         "    if len(outside):\n",
         "    if False:\n",
         "tests/verification/test_zone_strength.py::test_a_run_says_that_bonds_broke_in_a_coarse_zone",
@@ -186,7 +186,7 @@ RIGHT_ANSWERS = (
         "tests/verification/test_grips_and_loads.py::test_a_traction_without_rows_adds_up_to_itself_times_its_length",
     ),
     Mutant(
-        "pdsolve/run/initial_displacements.py",
+        "pdsolve/run/initial_states.py",
         "    state.second[:] += np.where(constrained_components(system.drive), 0.0, pull / model.rho[:, None])\n",
         "",
         "tests/unit/pdsolve/test_conditions_of_place.py::test_a_displaced_run_begins_with_its_forces_and_with_what_is_prescribed",
@@ -236,7 +236,7 @@ RIGHT_ANSWERS = (
         "tests/unit/pdsolve/test_drawn_faces.py::test_nodes_of_a_disc_have_the_normal_and_the_depth_of_its_circle",
     ),
     Mutant(
-        "pdsolve/run/narrow_contact.py",
+        "pdsolve/run/result_warnings.py",
         "if width.half < RESOLVED}",
         "if width.half < RESOLVED / 4}",
         "tests/verification/test_hertz.py::test_a_contact_of_round_bodies_narrower_than_four_spacings_is_warned_of",

@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Protocol, Self, TypeVar, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.model import Model
-from pdsolve.operators.protocol import CheckpointArrays
+from pdsolve.operators.protocol import CheckpointArrays, Operator
 from pdsolve.state import Broken, State, Unknown, zero_state
 from pdsolve.stepper import Stepper
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
-    from pdsolve.adaptivity.factory import MovingZoneOperator
     from pdsolve.zone.summary import ZoneSummary
 
 
@@ -194,6 +193,6 @@ class TwoLatticeStepper(Stepper):
             self._operator.copy_to_state(state)
         return end_step - 1
 
-    def on_operator(self, operator: MovingZoneOperator) -> Stepper:
+    def on_operator(self, operator: Operator) -> Stepper:
         """The stepper of the same plate with other current nodes."""
-        return TwoLatticeStepper(operator)
+        return TwoLatticeStepper(cast("TwoLatticeOperator[Any]", operator))

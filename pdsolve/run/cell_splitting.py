@@ -20,8 +20,8 @@ from pdsolve.errors import CheckpointError, UnstableError
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.rest.equilibrium import force_densities
 from pdsolve.run.assembly import assemble_system, stable_time_step_from_stiffness_bound
-from pdsolve.run.energy_steps import half_kick_work_of_acceleration_error
-from pdsolve.run.energy_steps import verlet_conserved_energy as energy_of
+from pdsolve.run.measures import half_kick_work_of_acceleration_error
+from pdsolve.run.measures import verlet_conserved_energy as energy_of
 from pdsolve.run.system import PreparedRun, Regridder, System, SystemAfterNodeChange
 from pdsolve.state import State
 from pdsolve.zone.summary import ZoneSummary

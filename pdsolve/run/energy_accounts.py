@@ -26,6 +26,7 @@ from pdsolve.run.measures import (
     join_balance,
     list_condition_force_rows,
 )
+from pdsolve.run.result_warnings import warn_if_plastic_strain_is_large
 from pdsolve.run.subdomain import Subdomain
 from pdsolve.run.system import System
 from pdsolve.state import State
@@ -121,8 +122,6 @@ class EnergyAccounts:
         self._largest_work = max(self._largest_work, abs(self.last.work))
         self._check_motion(step)
         if self._flows:
-            from pdsolve.run.plastic_checks import warn_if_plastic_strain_is_large  # few bodies flow
-
             self._flows = not warn_if_plastic_strain_is_large(self._system, step)
         self._balance_rows.append(self.last)
         if self._probed:

@@ -28,9 +28,8 @@ from pdsolve.run import frames
 from pdsolve.run.accounts import Accounts, CoupledAccounts
 from pdsolve.run.energy_accounts import EnergyAccounts
 from pdsolve.run.fragments import count_fragments
-from pdsolve.run.frames import nodes_for_results
+from pdsolve.run.frames import nodes_for_results, wait_until_all_ranks_wrote_frame
 from pdsolve.run.measures import count_initially_separate_bodies
-from pdsolve.run.rank_file import wait_until_all_ranks_wrote_frame
 from pdsolve.run.subdomain import Subdomain, team_of
 from pdsolve.run.system import System, SystemAfterNodeChange
 from pdsolve.state import Broken, State

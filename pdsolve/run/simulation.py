@@ -29,12 +29,10 @@ from pdsolve.run.after_path import (
     prepare_motion_after_equilibrium_path,
     results_file_of_motion_after_equilibrium_path,
 )
-from pdsolve.run.coarse_breaks import warn_of_broken_bonds_outside_finest_zone
-from pdsolve.run.initial_displacements import apply_initial_displacements
-from pdsolve.run.narrow_contact import warn_of_unresolved_contact_width
+from pdsolve.run.initial_states import apply_initial_displacements, start_in_static_equilibrium
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import HistoryUntilCheckpoint, Recorder
-from pdsolve.run.static_start import start_in_static_equilibrium
+from pdsolve.run.result_warnings import warn_of_broken_bonds_outside_finest_zone, warn_of_unresolved_contact_width
 from pdsolve.run.system import RefinementThresholdFromStep, Regridder, System, next_multiple
 from pdsolve.state import State
 from pdsolve.stepper import LoadStepProgress

@@ -28,7 +28,7 @@ from pdsolve.run.system import System
 from pdsolve.state import Broken, State, zero_state
 
 if TYPE_CHECKING:
-    from pdsolve.run.rank_file import RankDatabase
+    from pdsolve.run.frames import RankDatabase
 
 UNKNOWN = -1  # step of a state of which nothing has been asked
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 from pdmesh.model.amounts import amounts_line, crack_energy
-from pdsolve.run.wall_time import wall_time_text
 
 
 def _diffusion_summary_lines(results_path: Path, summary: dict[str, Any]) -> list[str]:
@@ -88,3 +87,19 @@ def format_summary_lines(results_path: Path, summary: dict[str, Any]) -> list[st
         made = f"splitting and merging made {cells['refinement']:+.3g} J/m"
         lines.append(f"split: {cells['fine_share']:.1%} of the plate is fine; {made}")
     return lines
+
+
+SHOWN = 0.5  # s of compiling that are worth a word
+
+
+def wall_time_text(summary: dict[str, Any], method_text: str | None = None) -> str:
+    """The wall time in the summary of a run, what it ran on, and `method_text`, by default at what speed."""
+    if method_text is None:
+        millions = summary["bond_updates_per_second"] / 1e6
+        method_text = f" {millions:.0f} million directed bond updates a second ({summary['kernel']})"
+    compiled = summary.get("compile_time", 0.0)  # files of earlier releases have none
+    apart = f"; compiled kernels for {compiled:.0f} s" if compiled >= SHOWN else ""
+    device = str(summary["device"])
+    if device == "cpu":
+        device = f"{summary['threads']} thread{'s' if summary['threads'] > 1 else ''}"
+    return f"wall time {summary['wall_time']:.2f} s on {device},{method_text}{apart}"

@@ -21,7 +21,7 @@ from pdsolve.state import Broken, State
 from pdsolve.stepper import Stepper
 
 if TYPE_CHECKING:
-    from pdsolve.adaptivity.factory import MovingZoneOperator
+    from pdsolve.operators.protocol import Operator
 
 
 def broken_bonds_by_grid_rows(hybrid: HybridEngine) -> Broken:
@@ -55,7 +55,7 @@ class SwellingStepperWithFineZone(Swelling):
         """The rows (n,) in the grid of the current nodes."""
         return self._operator.grid_rows
 
-    def on_operator(self, operator: MovingZoneOperator) -> SwellingStepperWithFineZone:
+    def on_operator(self, operator: Operator) -> SwellingStepperWithFineZone:
         """This stepper, with other current nodes of the same plate."""
         self._operator = self._bonds = cast("HybridOperator", operator)
         return self

@@ -12,8 +12,8 @@ from pdsolve.laws import law_of, ordinary
 from pdsolve.laws.pair_laws import bilinear, brittle
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
+from pdsolve.run.initial_states import start_in_static_equilibrium
 from pdsolve.run.prepare import prepare
-from pdsolve.run.static_start import start_in_static_equilibrium
 
 SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
 STATE_BASED = msgspec.structs.replace(GLASS, model="ordinary", nu=0.2)

@@ -21,8 +21,8 @@ from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.energy_accounts import EnergyAccounts
 from pdsolve.run.inversion_checks import InversionAndPrecisionChecks
-from pdsolve.run.plastic_checks import warn_if_plastic_strain_is_large
 from pdsolve.run.prepare import prepare
+from pdsolve.run.result_warnings import warn_if_plastic_strain_is_large
 from pdsolve.run.simulation import simulate
 from pdsolve.run.system import PreparedRun
 from pdsolve.state import Broken

@@ -26,7 +26,7 @@ from pdmesh.scene.shapes import SceneError
 from pdsolve.checks import warn_of_doubtful_conditions
 from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model, ModelError, read_model
-from pdsolve.run.initial_displacements import apply_initial_displacements
+from pdsolve.run.initial_states import apply_initial_displacements
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options
 

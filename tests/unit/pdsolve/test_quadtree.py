@@ -21,7 +21,7 @@ from pdsolve.adaptivity.quadtree.operator import replace_boxes_by_node_ids
 from pdsolve.adaptivity.quadtree.tree import Quadtree, QuadtreeCells
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.model import Model
-from pdsolve.run.energy_steps import kinetic_energy
+from pdsolve.run.measures import kinetic_energy
 from pdsolve.schemes import SCHEMES
 from pdsolve.state import State
 
