@@ -58,6 +58,7 @@ CONVERGING = 20  # iterations of one whose residual has been halved in each beyo
 UNDECIDED = 2  # times that a bond has begun or ceased to load within a step: it gets a mean slope, lest it goes on so
 DECIDED = 3  # iterations without another turn, after which it gets its own slope again
 STEADY = 3  # bonds that turned in an iteration of secants, at most: tangents converge from there
+KEPT = 320  # components with columns from one step to the next, at most: equations of more take as long as new factors
 LEFT = 1e-3  # of the right sides of an iteration, which its solutions may leave
 FAR = 0.5  # of the largest displacement: an iteration goes no further
 
@@ -114,8 +115,9 @@ class PathFollower:
         if self._factors is not None and self.reference is not None:
             changed = self._factors.changed_components(matrix)
             before = self._factors.components
-            if self._factors.keep_components(np.union1d(before, changed)) or self._factors.keep_components(changed):
-                return
+            for components in (np.union1d(before, changed), changed):
+                if self._factors.keep_components(components, KEPT):
+                    return
         self._factorize(matrix)
         self.reference = displacement.copy(), self.bonds.kappa.copy()
 

@@ -34,8 +34,7 @@ SLIGHT = 5e-3  # of the largest entry of the diagonal: smaller changes are left 
 GROUP = (
     4  # components, whose columns are solved for together: for more BLAS takes threads, which cost more than they save
 )
-CHANGED, KEPT = 800, 600  # components, at most, in all and from one step to the next: equations of them take less than
-# factors of a plate
+CHANGED = 800  # components, at most: equations of them take less than factors of a plate
 REFINED = 8  # times, at most
 ELSEWHERE = 0.05  # of a right side: if less acts on components that have not changed, that is left to refinement
 
@@ -95,11 +94,11 @@ class ReusedFactors:
             self._rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
         return self._rows, matrix.indices, matrix.data - self.matrix.data
 
-    def keep_components(self, components: Index) -> bool:
+    def keep_components(self, components: Index, most: int = CHANGED * 3 // 4) -> bool:
         """Keep columns of these components only, in order, and add what is missing, so that solutions depend on them
-        and not on what was there before; False if they are too many, with more to come."""
+        and not on what was there before; False if they are more than `most`."""
         groups = np.unique(components // GROUP)
-        if GROUP * len(groups) > KEPT:
+        if GROUP * len(groups) > most:
             return False
         kept = np.flatnonzero(np.isin(self.components // GROUP, groups))
         self._order(kept)
