@@ -205,9 +205,9 @@ def _fronts(args: argparse.Namespace, results: Results, steps: list[int], path: 
     front_states = follow_front_intensities(results, steps, args.tip, args.ring, counted(args, "summing"))
     last = [front for front in front_states if front.step == front_states[-1].step]
     if path is not None:
-        from pdpost.figures import front_figure, style
+        from pdpost.figures import sif_figure, style
 
-        style.save(front_figure.along_fronts(front_states), path)
+        style.save(sif_figure.along_fronts(front_states), path)
     for front in last:
         if left_out := Counter(  # what is in the way, without where
             why.split(" from the front")[0].rsplit(" ", 3)[0] for why in front.no_room_reasons if why
