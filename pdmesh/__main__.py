@@ -15,7 +15,8 @@ from pdmesh.plain_text import print_text
 from pdmesh.quantities import UNITS
 
 if TYPE_CHECKING:
-    from pdmesh.model.document import Document
+    from pdmesh.model.document import Document, Settings
+    from pdmesh.model.node_grid import Grid
 
 DRAWING = "a drawing (.geo, STEP, BREP), a scene in Python, a mesh, or a grid file"
 
@@ -144,6 +145,8 @@ def _build(args: argparse.Namespace) -> int:
     unheard = unused_settings.in_vain(settings, [name for name, value in args.assignments if value != "{}"])
     if unheard is not None:
         raise commandline.UsageError(unheard)
+    if args.assignments:
+        _check_as_solver(grid, settings, str(args.drawing))
     if not args.dry_run:
         write_file(built.document, path)
     counts = nodes_by_spacing(grid)
@@ -175,15 +178,27 @@ def _build(args: argparse.Namespace) -> int:
     return commandline.OK
 
 
+def _check_as_solver(grid: Grid, settings: Settings, name: str) -> None:
+    """Raise the solver's error for settings that contradict each other or the grid; a material may come later."""
+    if settings.material is not None or settings.medium is not None:
+        from pdsolve import Model
+
+        Model(grid, settings, name)
+
+
 def _document(args: argparse.Namespace) -> Document:
     """The model in a .json file, or the model that any other file would be built into."""
     from pdmesh.drawing.file_reading import build_file, document_with_settings
     from pdmesh.model.document import read_file
+    from pdmesh.model.node_grid import grid_of
 
     assigned = _assigned(args)
     if args.drawing.suffix.lower() == ".json" and not (args.refine or args.cracks):
-        document = document_with_settings(args.drawing, assigned) if assigned else read_file(args.drawing)
+        if not assigned:
+            return read_file(args.drawing)
+        document = document_with_settings(args.drawing, assigned)
         if document is not None:
+            _check_as_solver(grid_of(document, str(args.drawing)), document, str(args.drawing))
             return document
     return build_file(args.drawing, assigned, args.refine, args.trust, args.cracks).document
 
@@ -320,13 +335,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _exits() -> dict[type[Exception], int]:
     from pdmesh.model.document import GridError
+    from pdmesh.model.settings_overlay import ModelError
     from pdmesh.scene.shapes import SceneError
 
-    errors: list[type[Exception]] = [SceneError, GridError]
-    if "pdsolve.model" in sys.modules:  # else nothing has raised its errors
-        from pdsolve import ModelError
-
-        errors.append(ModelError)
+    errors: list[type[Exception]] = [SceneError, GridError, ModelError]
     if "pdsolve.study" in sys.modules:
         from pdsolve import StudyError
 

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pdmesh.drawing.parameters import unit_of
+from pdmesh.drawing.parameters import PREFIX, unit_of
 from pdmesh.model.document import ADAPTS, Horizon, Medium, Settings
 from pdmesh.model.settings_overlay import ModelError, overlaid
 from pdmesh.quantities import UNITS, Unit, quantities, quantity
@@ -65,7 +65,15 @@ def adapted(scene: S, adapt: str | None) -> S:
 def split_settings(
     assignments: Sequence[tuple[str, str]], drawn: Container[str]
 ) -> tuple[list[tuple[str, str]], list[tuple[str, str]]]:
-    """Assignments to a drawing, and to settings of the solver that are none of the names that are `drawn`."""
+    """Assignments to a drawing, and to settings of the solver that are none of the names that are `drawn`.
+
+    Of steps and duration, the last counts, as in the solver.
+    """
+    names = [name.removeprefix(PREFIX) for name, _ in assignments]
+    durations = [number for number, name in enumerate(names) if name in ("run.duration", "Run/Duration")]
+    assignments = [
+        pair for number, pair in enumerate(assignments) if pair[0] != "run.steps" or number > max(durations, default=-1)
+    ]
     laid_over = [
         (name, text)
         for name, text in assignments
@@ -89,7 +97,7 @@ def with_settings(scene: S, path: Path, assignments: Sequence[tuple[str, str]]) 
         parts["medium"] = scene.medium
     for name, _ in assignments:
         if name.partition(".")[0] not in parts:
-            raise SceneError(f"parameter '{name}' is a setting that no drawing has; give it to pdsolve")
+            raise SceneError(f"parameter '{name}' is of a part that the drawing does not have; give it to pdsolve")
     try:
         settings = overlaid(Settings(**parts), path, None, assignments, 2 if isinstance(scene, Scene) else 3)
     except ModelError as error:
@@ -97,6 +105,8 @@ def with_settings(scene: S, path: Path, assignments: Sequence[tuple[str, str]]) 
     changed = {name: getattr(settings, name) for name in parts}
     changed |= {"horizon": settings.horizon.ratio, "touching": changed.pop("contact")}
     parameters = dict(scene.parameters) | {SET + name: text for name, text in assignments}
+    if f"{SET}run.fields" in parameters:  # which may have been more than those there were
+        parameters[f"{SET}run.fields"] = ",".join(settings.run.fields)
     return replace(scene, **changed, parameters=tuple(parameters.items()))
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import msgspec
 
-from pdmesh.drawing.additions import ADAPT, adapted, added, sorted_out, split_settings, with_settings
+from pdmesh.drawing.additions import ADAPT, SET, adapted, added, sorted_out, split_settings, with_settings
 from pdmesh.drawing.parameters import OF_SETTINGS, Parameter, full_name, unknown
 from pdmesh.drawing.scratch import scratch
 from pdmesh.file_kinds import CAD, MESHES
@@ -81,16 +81,17 @@ def build_file(
         from pdmesh.drawing.meshes import read_mesh
 
         adapt = dict(assignments).get(ADAPT)
-        mesh_assignments = [(name, value) for name, value in assignments if name != ADAPT]
-        plate_or_body = read_mesh(path, mesh_assignments, cracks, trust)
+        to_mesh, to_settings = split_settings([pair for pair in assignments if pair[0] != ADAPT], OF_SETTINGS)
+        plate_or_body = read_mesh(path, to_mesh, cracks, trust)
         for option, option_value in (("--refine", refine), (ADAPT, not isinstance(plate_or_body, Body) and adapt)):
             if option_value:
                 raise SceneError(f"{path}: {option} is for drawings; leave it out for a mesh")
         if not isinstance(plate_or_body, Body):
             with errors_at(path):
-                return looked_at(Built(*plate_or_body))
+                built = looked_at(Built(*plate_or_body))
+            return replace(built, settings=overlaid(built.settings, path, None, to_settings))
         with errors_at(path):
-            scene: Scene | Body = adapted(plate_or_body, adapt)
+            scene: Scene | Body = adapted(with_settings(plate_or_body, path, to_settings), adapt)
     else:
         scene = read_scene(path, assignments, refine, trust, cracks)
     with errors_at(path):
@@ -116,7 +117,7 @@ def file_parameters(
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".json":
-        parameters = dict(read_file(path).parameters)
+        parameters = {name.removeprefix(SET): value for name, value in read_file(path).parameters.items()}
         for name, value in assignments:
             complete_name = name if name in parameters else full_name(name)
             if complete_name not in parameters:

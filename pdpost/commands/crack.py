@@ -131,6 +131,8 @@ def _crack(args: argparse.Namespace) -> int:
     from pdsolve.results import Results
 
     threshold = args.cracked
+    if "cracked" in dict(args.assignments):  # as versions up to 1.0 had it
+        raise commandline.UsageError("cracked is no setting of pictures; use --cracked DAMAGE")
     if is_study(args.results):
         return overlaid(args, threshold)
     path = picture_path(args, ".compare.png" if args.compare else ".crack.png")

@@ -284,3 +284,26 @@ def test_every_setting_of_the_solver_can_be_set_in_a_drawing_and_in_a_grid_witho
         assert main(["build", DURAN, "-o", "d.json", "--set", setting]) == 2
         assert mentions(capsys.readouterr().err, *parts)
         assert not (here / "d.json").exists()
+
+
+@pytest.mark.process
+def test_settings_laid_over_a_model_are_checked_as_by_pdsolve(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """In one line; of steps and duration the last counts, also when a model is built anew."""
+    assert main(["build", DURAN, "-o", "a.json", "-q", "--set", "run.steps=100", "--set", "run.fields=+sxx"]) == 0
+    assert main(["build", "a.json", "-o", "b.json", "-q", "--set", "run.duration=1us"]) == 0
+    runs = [read_file(here / name).run for name in ("a.json", "b.json")]
+    assert [run.steps for run in runs] == [100, runs[1].steps]
+    assert runs[1].duration == 1e-6 or runs[1].steps < 100
+    assert "sxx" in runs[1].fields
+    capsys.readouterr()
+    for words, parts in (
+        (["info", "a.json", "--set", "material.E=abc"], ("material.E", "abc")),
+        (["preview", "a.json", "--set", "material.Q=3"], ("material.Q",)),
+        (["info", "a.json", "--set", "run.until=quiet"], ("run.quiet",)),
+        (["build", DURAN, "-o", "c.json", "--set", "medium.D=1"], ("material",)),
+    ):
+        assert main(words) == 2
+        said = capsys.readouterr().err
+        assert mentions(said, *parts)
+        assert said.count("\n") == 1
+        assert not (here / "c.json").exists()
