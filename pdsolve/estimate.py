@@ -156,7 +156,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         bound = damped_stable_time_step(undamped, settings.run.damping_time)
         step = choose_time_step(model, bound)
     else:
-        system = prepare(model, options).system
+        system = prepare(model, options._replace(team=None)).system  # all nodes, also where ranks ask
         model = system.model
         if system.coupled_runs and settings.run.solver != "static":
             content_step = system.coupled_runs[0].system.stable_time_step

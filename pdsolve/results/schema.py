@@ -55,7 +55,7 @@ class Breaks(NamedTuple):
 class Epoch(NamedTuple):
     """Nodes that are born and die between two steps. A node whose bonds change dies and is born under the same id."""
 
-    step: int  # the first that is select_nodes without the dead and with the born
+    step: int  # the first that is taken without the dead and with the born
     first: int  # row of the first of those born; how many rows there were before
     born: Nodes  # (b,)
     families: Families  # of those born; neighbours are rows of the table `node`

@@ -207,7 +207,7 @@ def _receive_columns(
     for name in descriptions[0]:
         runs = range(len(descriptions[0][name]))
         order = [(rank, *description[name][run]) for run in runs for rank, description in enumerate(descriptions)]
-        kind = np.dtype(order[0][1] if order else "<f4")
+        kind = np.dtype(order[0][1] if order else "<f8")
         crc = 0
         for _, _, length, after in order:
             crc = crc_joined(crc, after, length * kind.itemsize)

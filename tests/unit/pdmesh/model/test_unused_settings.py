@@ -29,7 +29,7 @@ OF_GEL = Settings(
 )
 # Used by every run, switches themselves, and what is refused where it would mean nothing
 ALWAYS = {"fields", "probes", "gaps", "load_cells", "adapt", "cracks", "until", "quiet", "solver", "start", "damping"}
-ALWAYS |= {"device"}
+ALWAYS |= {"device", "damping_time"}
 
 
 def of(run: Run, **more: Any) -> Settings:
