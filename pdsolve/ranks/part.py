@@ -141,16 +141,6 @@ def broken(part: Part, after: int = 0) -> Broken:
     return Broken(*(column[mine] for column in broken_bonds))
 
 
-def bonds(team: Team, first: int, last: int) -> NDArray[np.int64]:
-    """The targets (k,) of the bonds at the start of own nodes among the rows `first` to `last` - 1, in order."""
-    part: Part = team.part
-    slab = part.slab
-    first, last = max(first, slab.first), min(last, slab.last)
-    if first >= last:
-        return np.zeros(0, dtype=np.int64)
-    return part.operator.bonds(first - slab.begin, last - slab.begin, True)[1] + slab.begin
-
-
 def own_checkpoint_arrays(part: Part, window_history: CheckpointArrays) -> dict[str, NDArray[Any]]:
     """What own nodes and their bonds have of arrays of a window, by rows of the whole grid."""
     slab, own_history = part.slab, dict[str, NDArray[Any]]()

@@ -112,7 +112,8 @@ class Newton:
                 self._reference = FactorsWithoutBonds(self._tangent(undeformed), free, self._no_bonds_broken)
             except RuntimeError:
                 self.reference_is_near = False
-            operator.restore(checkpoint, broken)
+            finally:
+                operator.restore(checkpoint, broken)
         if self._reference is None or not self._reference.restart_without_bonds(broken):
             self.discard_reference()
         else:

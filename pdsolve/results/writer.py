@@ -60,7 +60,7 @@ FIRST_WORD = 5.0  # s of waiting after which something is said; then after twice
 
 
 class Writer:
-    """Writes one run: `create` begins a new database, `reopen` continues one; close it at the end.
+    """Writes one run: `create` and `begin` begin a new database, `reopen` continues one; close it at the end.
 
     While another program locks the database, it waits, with an occasional ResultsWarning, until `stop` returns true.
     """
