@@ -54,7 +54,7 @@ def front_lines_at(cracks: CrackSurface, time: float) -> list[Polyline]:
     """The front at `time`, s, as lines; the longest first, closed ones end where they begin."""
     edges = cracks.edge_corners[front_edges_at(cracks, time)]
     lines = [cracks.corners[chain] for chain in chain_edges(edges)]
-    return sorted(lines, key=lambda line: -line_length(line))
+    return sorted((line for line in lines if line_length(line) > 0), key=lambda line: -line_length(line))
 
 
 def line_length(line: Polyline) -> float:
