@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import gc
+import os
 import shlex
 import signal
 import sys
@@ -388,6 +389,8 @@ def _show_what_is_left(path: Path, args: argparse.Namespace) -> int:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run pdsolve; returns its exit code."""
+    # Before numpy: threads of BLAS spin on the cores of the run, and round otherwise than one thread
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     words = commandline.words(argv)
     if words[:1] == ["study"]:
         from pdsolve.study import command

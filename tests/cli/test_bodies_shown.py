@@ -23,7 +23,7 @@ def screw(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The shipped screw, coarse and in a smaller ball, with collocation outside its cylinder."""
     path = tmp_path_factory.mktemp("screw") / "screw.json"
     changed = ("Zones/near/Spacing=5e-4", "Zones/far/Spacing=1e-3", "Plate/Ball=4e-3", "Run/Duration=500")
-    words = [word for one in changed for word in ("--style", one)]
+    words = [word for one in changed for word in ("--set", one)]
     assert pdmesh(["build", str(GEOMETRIES / "screw.geo"), *words, "-q", "-o", str(path)]) == 0
     results = path.with_suffix(".sqlite")
     assert pdsolve([str(path), "--adapt", "collocation", "--threads", "1", "-q", "-o", str(results)]) == 0

@@ -91,7 +91,7 @@ class BondPieceEndPoints(NamedTuple):
     """The q places at which pieces end, in the order in which pieces name them: nodes, or places on the border."""
 
     interpolation_node_count: NDArray[np.int64]  # (q,) nodes that move it
-    interpolation_nodes: NDArray[np.int32]  # (q, 4) their fine sites, or their rows
+    interpolation_nodes: NDArray[np.int32]  # (q, 4) their fine sites
     interpolation_weights: NDArray[np.float64]  # (q, 4) their weights
 
 

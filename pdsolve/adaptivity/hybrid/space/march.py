@@ -42,7 +42,7 @@ class Seam(NamedTuple):
     # (3, m) forces on fine nodes beside those of tiles, N; on the border force densities of tiles, N/m^3
     fine_forces: NDArray[np.float64]
     coarse_forces: NDArray[np.float64]  # (3, q) likewise on coarse nodes, N
-    fine_inverse_volume: NDArray[np.float64]  # (m,) 1/m^3, 0 without a node that moves
+    fine_inverse_volume: NDArray[np.float64]  # (m,) 1/m^3, 0 without a fine node of the body
     coarse_inverse_volume: NDArray[np.float64]  # (q,)
     has_fine_forces: NDArray[np.bool_]  # tiles with such forces
     has_coarse_forces: NDArray[np.bool_]

@@ -1,4 +1,4 @@
-"""Forces and energies of clipped bonds, and of fine nodes on the border.
+"""Forces and energies of clipped bonds.
 
 Pieces are springs between points. A point is a node, or moves with up to four. Pieces with the same near end lie beside
 each other and are summed eight at a time; points are numbered as the pieces name them, so that what a piece reads was
