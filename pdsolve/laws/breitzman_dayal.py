@@ -81,7 +81,7 @@ def fields(
     law: BreitzmanDayalColumns, value: NDArray[np.floating], m: NDArray[np.floating]
 ) -> dict[str, NDArray[np.float64]]:
     """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
-    return gradient.shown(law.d, law.solid, m, law.d * law.d)
+    return gradient.stress_fields(law.d, law.solid, m, law.d * law.d)
 
 
 def first_pass(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
@@ -100,7 +100,7 @@ def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
             for c in range(d):
                 total += m[i, d * a + c] * law.inverse[i, d * c + b]
             m[i, d * d + d * a + b] = total
-    gradient.answer(law, i, m, d * d)
+    gradient.piola_stress(law, i, m, d * d)
 
 
 def intermediate_pass(law, bond, now, i, j, k, m, more):  # type: ignore[no-untyped-def]
@@ -117,13 +117,7 @@ def intermediate_pass(law, bond, now, i, j, k, m, more):  # type: ignore[no-unty
 
 
 def finish_intermediate_pass(law, i, m, more):  # type: ignore[no-untyped-def]
-    d = law.d
-    for a in range(d):
-        for b in range(d):
-            total = m[i, 0] * 0
-            for c in range(d):
-                total += more[i, d * a + c] * law.inverse[i, d * c + b]
-            m[i, d * a + b] = total
+    gradient.multiply_by_inverse(law, i, more, m, 0)
 
 
 @njit(**INLINE)
@@ -206,7 +200,7 @@ def may_fail(law, i, m):  # type: ignore[no-untyped-def]
 
 def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.failure != ENERGY or law.broken[k] != 0 or bond.stretch <= 0:
-        return gradient.fails_but_by_energy(law, bond, m, i, j, k, 2 * law.d * law.d)
+        return gradient.fails_by_stretch_or_stress(law, bond, m, i, j, k, 2 * law.d * law.d)
     P, along = _stress(law, bond, m, i, j), bond.stretch * 0
     for a in range(len(bond.xi)):
         along += _component(law, bond, P, m, i, j, k, a) * (bond.xi[a] + bond.eta[a])

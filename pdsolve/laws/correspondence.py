@@ -34,9 +34,9 @@ from pdsolve.laws.gradient import (
     margin,
     may_fail_at,
     nodal_energy_at,
+    piola_stress_from_sums,
     scale,
-    shown,
-    stressed,
+    stress_fields,
     torn_stiffness,
     update_after_breakage,
     update_history_at,
@@ -55,7 +55,7 @@ def fields(
     law: CorrespondenceColumns, value: NDArray[np.floating], m: NDArray[np.floating]
 ) -> dict[str, NDArray[np.float64]]:
     """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
-    return shown(law.d, law.solid, m, law.d * law.d)
+    return stress_fields(law.d, law.solid, m, law.d * law.d)
 
 
 def numbers(law, i, j, k):  # type: ignore[no-untyped-def]
@@ -71,7 +71,7 @@ def accumulate(law, bond, c, sums):  # type: ignore[no-untyped-def]
 
 
 def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
-    P, d = stressed(law, i, m, law.d * law.d), law.d
+    P, d = piola_stress_from_sums(law, i, m, law.d * law.d), law.d
     for a in range(d):
         for b in range(d):
             total = -law.control[i] * m[i, d * (d + a) + b]

@@ -183,7 +183,7 @@ def scale(law: CorrespondenceColumns, bonds: Bonds) -> NDArray[np.float64]:
     return np.asarray((law.solid.first + 2 * law.solid.shear) * usual + 0 * trace)
 
 
-def shown(d: int, solid: SolidColumns, m: NDArray[np.floating], at: int) -> dict[str, NDArray[np.float64]]:
+def stress_fields(d: int, solid: SolidColumns, m: NDArray[np.floating], at: int) -> dict[str, NDArray[np.float64]]:
     """Fields (n,) of nodes with gradients in m from `at` on: stress, rotation in the plane, J, alpha."""
     H, rest = m[:, at : at + d * d].astype(float), m[:, at + d * d :].astype(float)
     field_columns = {"sxx": rest[:, 0], "syy": rest[:, 1], "sxy": rest[:, 3], "szz": rest[:, 2]}
@@ -198,20 +198,26 @@ def shown(d: int, solid: SolidColumns, m: NDArray[np.floating], at: int) -> dict
 
 
 @njit(**INLINE)
-def stressed(law, i, m, at):  # type: ignore[no-untyped-def]
-    """Compute the gradient of node i from its sums; stores it in m[i] from `at` on, then stress and J; returns P."""
+def multiply_by_inverse(law, i, sums, products, at):  # type: ignore[no-untyped-def]
+    """Store the `sums` (n, d d) of node i times its K^-1 in `products` (n, .) from the column `at` on."""
     d = law.d
     for a in range(d):
         for b in range(d):
-            total = m[i, 0] * 0
+            total = sums[i, 0] * 0
             for c in range(d):
-                total += m[i, d * a + c] * law.inverse[i, d * c + b]
-            m[i, at + d * a + b] = total
-    return answer(law, i, m, at)
+                total += sums[i, d * a + c] * law.inverse[i, d * c + b]
+            products[i, at + d * a + b] = total
 
 
 @njit(**INLINE)
-def answer(law, i, m, at):  # type: ignore[no-untyped-def]
+def piola_stress_from_sums(law, i, m, at):  # type: ignore[no-untyped-def]
+    """Compute the gradient of node i from its sums; stores it in m[i] from `at` on, then stress and J; returns P."""
+    multiply_by_inverse(law, i, m, m, at)
+    return piola_stress(law, i, m, at)
+
+
+@njit(**INLINE)
+def piola_stress(law, i, m, at):  # type: ignore[no-untyped-def]
     """P, nine components, of the gradient in m[i] from `at` on; stores stress and J behind it."""
     d, share = law.d, law.share[i]
     last, none = at + d * d, m[i, at] * 0
@@ -287,7 +293,7 @@ def may_fail_at(law, i, m, at):  # type: ignore[no-untyped-def]
 
 
 @njit(**INLINE)
-def fails_but_by_energy(law, bond, m, i, j, k, at):  # type: ignore[no-untyped-def]
+def fails_by_stretch_or_stress(law, bond, m, i, j, k, at):  # type: ignore[no-untyped-def]
     """Whether a bond fails by stress, given the stresses in m from `at` on, or by stretch."""
     if law.broken[k] != 0:
         return False
@@ -300,7 +306,7 @@ def fails_but_by_energy(law, bond, m, i, j, k, at):  # type: ignore[no-untyped-d
 def fails_at(law, bond, m, i, j, k, at):  # type: ignore[no-untyped-def]
     """Whether a bond fails, given the stresses in m from `at` on."""
     if law.failure != ENERGY or law.broken[k] != 0 or bond.stretch <= 0:
-        return fails_but_by_energy(law, bond, m, i, j, k, at)
+        return fails_by_stretch_or_stress(law, bond, m, i, j, k, at)
     c = numbers_of(law, i, j, k)
     node_numbers, neighbour_numbers = nodal_numbers_of(law, bond.xi, m, i), nodal_numbers_of(law, bond.xi, m, j)
     f, along = force_of(law, bond, c, node_numbers, neighbour_numbers), bond.stretch * 0

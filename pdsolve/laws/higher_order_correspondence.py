@@ -191,7 +191,7 @@ def fields(
     law: HigherOrderCorrespondenceColumns, value: NDArray[np.floating], m: NDArray[np.floating]
 ) -> dict[str, NDArray[np.float64]]:
     """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
-    return gradient.shown(law.d, law.solid, m, 2 * law.d * law.q.shape[1])
+    return gradient.stress_fields(law.d, law.solid, m, 2 * law.d * law.q.shape[1])
 
 
 def first_pass(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
@@ -212,7 +212,7 @@ def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
             for r in range(p):
                 total += m[i, d * (p + r) + a] * law.t[i, r, b]
             m[i, at + d * a + b] = total
-    P = gradient.answer(law, i, m, at)
+    P = gradient.piola_stress(law, i, m, at)
     z = law.control[i]
     for r in range(p):
         for a in range(d):
@@ -247,7 +247,7 @@ def may_fail(law, i, m):  # type: ignore[no-untyped-def]
 
 def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.failure != ENERGY or law.broken[k] != 0 or bond.stretch <= 0:
-        return gradient.fails_but_by_energy(law, bond, m, i, j, k, _stresses(law))
+        return gradient.fails_by_stretch_or_stress(law, bond, m, i, j, k, _stresses(law))
     along = bond.stretch * 0
     for a in range(len(bond.xi)):
         along += _component(law, bond, m, i, j, k, a) * (bond.xi[a] + bond.eta[a])

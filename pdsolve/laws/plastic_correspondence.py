@@ -122,7 +122,7 @@ def fields(
     law: PlasticCorrespondenceColumns, value: NDArray[np.floating], m: NDArray[np.floating]
 ) -> dict[str, NDArray[np.float64]]:
     """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
-    return gradient.shown(law.d, law.solid, m, 3 * law.d * law.d)
+    return gradient.stress_fields(law.d, law.solid, m, 3 * law.d * law.d)
 
 
 def numbers(law, i, j, k):  # type: ignore[no-untyped-def]

@@ -26,7 +26,7 @@ from pdsolve.laws.gradient import (
     finish_sums_of,
     lifted,
     nodal_energy_at,
-    stressed,
+    piola_stress_from_sums,
     update_history_at,
 )
 from pdsolve.laws.law import INLINE, INNER, Failure, Lanes, Law, NodeHistory, Sums
@@ -71,7 +71,7 @@ def fields(
     law: WanCorrespondenceColumns, value: NDArray[np.floating], m: NDArray[np.floating]
 ) -> dict[str, NDArray[np.float64]]:
     """Stored fields (n,) by result column: stress, rotation, volume and the solid's history."""
-    return gradient.shown(law.d, law.solid, m, 2 * law.d * law.d)
+    return gradient.stress_fields(law.d, law.solid, m, 2 * law.d * law.d)
 
 
 def numbers(law, i, j, k):  # type: ignore[no-untyped-def]
@@ -90,7 +90,7 @@ def accumulate(law, bond, c, sums):  # type: ignore[no-untyped-def]
 def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
     d = law.d
     g = d * d
-    P, Z = stressed(law, i, m, 2 * g), _control(law, i, m)
+    P, Z = piola_stress_from_sums(law, i, m, 2 * g), _control(law, i, m)
     if law.solid.rate or law.solid.kind[i] == SVK or law.solid.kind[i] == NEO_HOOKE:
         P, Z = _turned(law, i, m, P, Z)
     for a in range(d):

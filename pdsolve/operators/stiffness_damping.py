@@ -20,6 +20,7 @@ from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.model import Model
 from pdsolve.operators.protocol import CheckpointArrays, Operator
 from pdsolve.operators.together import Together, unwrap_bond_operator
+from pdsolve.operators.unbreakable import UnbreakableOperator
 from pdsolve.state import Broken, State
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ def damped_stable_time_step(undamped_step: float, beta: float) -> float:
     return undamped_step * float(np.sqrt(1 + ratio**2) - ratio) if np.isfinite(undamped_step) else undamped_step
 
 
-class StiffnessDamping:
+class StiffnessDamping(UnbreakableOperator):
     """The damping forces of n nodes; see `Operator`. They have no energy of their own and no bonds."""
 
     name = "stiffness damping"
@@ -82,17 +83,9 @@ class StiffnessDamping:
         keys = broken.source * len(self._force) + broken.target
         self._stiffness[np.searchsorted(self._bond_keys, keys)] = 0.0
 
-    def to_own_layout(self, state: State) -> State:
-        """The state, which may be in any layout."""
-        return state
-
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """No energy (n,) is stored or dissipated by softening."""
         return np.zeros(len(self._force)), np.zeros(len(self._force))
-
-    def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
-        """No fields."""
-        return {}
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """No stiffness (n,): what damping does to the stable step is not that of a spring."""
@@ -103,16 +96,6 @@ class StiffnessDamping:
         from scipy.sparse import csr_array
 
         return csr_array((self._force.size, self._force.size))
-
-    def bonds(
-        self, first_row: int = 0, end_row: int | None = None, at_start: bool = False
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """No bonds."""
-        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-
-    def broken(self, after_step: int = 0) -> Broken:
-        """No broken bonds."""
-        return Broken(*np.zeros((3, 0), dtype=np.int64))
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """The forces of the last step."""

@@ -100,8 +100,8 @@ class ReusedFactors:
         groups = np.unique(components // GROUP)
         if GROUP * len(groups) > most:
             return False
-        kept = np.flatnonzero(np.isin(self.components // GROUP, groups))
-        self._order(kept)
+        remaining = np.flatnonzero(np.isin(self.components // GROUP, groups))
+        self._order(remaining)
         self.add_columns(components)
         self._order(np.argsort(self.components))
         return True

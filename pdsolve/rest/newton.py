@@ -84,17 +84,17 @@ class Newton:
         way = "factors" if self._factored else "conjugate gradients" if operator.symmetric else "BiCGStab"
         self.description = f"Newton's method with {way}"
         self._floating: NDArray[np.bool_] | None = None  # (n,) nodes that are held softly
-        self._pairs = forces_are_pairwise and self._factored
+        self._forces_are_pairwise = forces_are_pairwise and self._factored
         self._no_bonds_broken = operator.broken()
         self._reference: FactorsWithoutBonds | None = None  # of the body as it was made
         self.reference_is_near = True  # whether its tangent serves for all load steps
-        self._lost: FactorsWithoutBonds | None = None
+        self._factors_in_use: FactorsWithoutBonds | None = None
         self._inverse: Callable[[Array], Array] | None = None
         self._matrix: csr_array | None = None
 
     def discard_reused_tangent(self) -> None:
         """Discard the factors of the tangent, so that what follows depends on the state alone."""
-        self._inverse = self._matrix = self._lost = None
+        self._inverse = self._matrix = self._factors_in_use = None
 
     def discard_reference(self) -> None:
         """Take new factors in each load step from now on, as those of the undeformed body lead too slowly to rest."""
@@ -117,7 +117,11 @@ class Newton:
         if self._reference is None or not self._reference.restart_without_bonds(broken):
             self.discard_reference()
         else:
-            self._lost, self._matrix, self._inverse = self._reference, self._reference.tangent, self._reference.solve
+            self._factors_in_use, self._matrix, self._inverse = (
+                self._reference,
+                self._reference.tangent,
+                self._reference.solve,
+            )
 
     def restrain_by_weak_springs(self, nodes: NDArray[np.bool_]) -> None:
         """Restrain these nodes (n,) by weak springs in the equations only, which takes a few more iterations."""
@@ -145,7 +149,7 @@ class Newton:
         """
         start, free, done = state.value.copy(), ~conditions.constrained, 0
         self._before = norm(start)
-        if self._inverse is None and self._pairs and self.reference_is_near and self._floating is None:
+        if self._inverse is None and self._forces_are_pairwise and self.reference_is_near and self._floating is None:
             self._take_factors_of_reference(state, free)
         if (state.value != np.where(free, state.value, conditions.prescribed_displacement)).any():
             free = ~conditions.constrained
@@ -158,11 +162,11 @@ class Newton:
             move = way.copy()
             move[free.ravel()] = self._inverse(along)
             state.value[:] = np.where(free, state.value + move.reshape(free.shape), conditions.prescribed_displacement)
-        if self._lost is not None and not self._lost.remove_bonds(self._operator.broken()):
+        if self._factors_in_use is not None and not self._factors_in_use.remove_bonds(self._operator.broken()):
             self.discard_reused_tangent()
         if self._inverse is not None:
             equilibrium, done = self._iterate_with_old_tangent(state, conditions, report_progress)
-            if self._lost is self._reference is not None and (equilibrium is None or done > SLOW):
+            if self._factors_in_use is self._reference is not None and (equilibrium is None or done > SLOW):
                 self.discard_reference()
             if equilibrium is not None:
                 return equilibrium
@@ -278,9 +282,9 @@ class Newton:
             )
             return
         try:
-            if self._pairs:
-                self._lost = FactorsWithoutBonds(matrix, free, self._operator.broken())
-                self._inverse = self._lost.solve
+            if self._forces_are_pairwise:
+                self._factors_in_use = FactorsWithoutBonds(matrix, free, self._operator.broken())
+                self._inverse = self._factors_in_use.solve
             else:
                 self._inverse = factorize(inner, symmetric)
         except RuntimeError:

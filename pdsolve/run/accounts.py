@@ -101,7 +101,7 @@ class CoupledAccounts:
         return {**self._motion.metadata(), "physics": "thermoelastic"}
 
     def summary(self) -> dict[str, Any]:
-        """That of the motion, and of each other under the name of its physics."""
+        """The summary of the motion, and summaries of what is coupled to it under the names of their physics."""
         motion, *others = (accounts.summary() for accounts in self._all)
         return {**motion, **{str(summary["physics"]): summary for summary in others}}
 

@@ -101,7 +101,7 @@ class Subdomain:
         return self._energies_and_breaks
 
     def known_energies_and_breaks(self, step: int) -> NodeEnergiesAndBreaks | None:
-        """The same if it has been asked after this step; else None."""
+        """Energies and counts of broken bonds, if they have been computed after this step; else None."""
         return self._energies_and_breaks if step == self._step else None
 
     def follow(self, system: System, state: State) -> None:

@@ -165,7 +165,7 @@ def _sweep_fine_tile(bonds, breaks, arrays, drive, seam, state, sweep, group):  
 
 @njit(**INNER)
 def _sweep_springs(springs, breaks, arrays, drive, seam, state, sweep, group):  # type: ignore[no-untyped-def]
-    """The same for a tile of coarse nodes, whose sums are forces, N."""
+    """End a step for a tile of coarse nodes, whose sums are forces, N, and begin the next one, or one of both."""
     t, f = group.number, group.f
     if not sweep.is_first:
         sum_group(springs, breaks, state, sweep, arrays.has_failure_forces, t, f)
