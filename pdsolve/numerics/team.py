@@ -65,7 +65,8 @@ class Team:
     def __init__(self, comm: MPI.Intracomm | None = None) -> None:
         """`comm` connects the processes; None: this one is alone."""
         self.comm: Any = comm
-        self.rank, self.size = (0, 1) if comm is None else (comm.Get_rank(), comm.Get_size())
+        self.rank: int = 0 if comm is None else comm.Get_rank()
+        self.size: int = 1 if comm is None else comm.Get_size()
         self.part: Any = None  # the bonds that this rank works on, one of many
         self.subdomain: Any = None  # and what runs know of its nodes
         self.floor: Floor | None = None  # None: who tells an error is not decided
