@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pdmesh.model.output_fields import CRACKED
-from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
-from pdpost.measures.cracks import DIRECTIONS, CrackEvents, find_crack_events
-from pdpost.measures.directions import measure_initial_directions
-from pdpost.measures.tips import crack_branches, find_forks
+from pdsolve.measures.cracked_nodes import damage_without_pre_cracks_at
+from pdsolve.measures.cracks import DIRECTIONS, CrackEvents, find_crack_events
+from pdsolve.measures.directions import measure_initial_directions
+from pdsolve.measures.tips import crack_branches, find_forks
 from pdsolve.results import Results
 
 

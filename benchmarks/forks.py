@@ -13,8 +13,8 @@ import numpy as np
 
 from benchmarks.models import scene_model, with_run
 from benchmarks.pages import DOCS, markdown_table, write_block
-from pdpost.measures.tips import crack_branches, find_forks
 from pdsolve.fracture.crack_particles import polylines
+from pdsolve.measures.tips import crack_branches, find_forks
 from pdsolve.run.simulation import Options, simulate
 
 SPACINGS = (0.5e-3, 0.4e-3)  # m

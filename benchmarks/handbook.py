@@ -15,7 +15,7 @@ from benchmarks import ties
 from benchmarks.pages import DOCS, markdown_table, write_block
 from benchmarks.specimens import HORIZON, SPECIMENS, UNIT, WIDE, Specimen
 from pdmesh.model.document import Horizon
-from pdpost.measures.stress_intensities import TipIntensityHistory, follow_tip_intensities
+from pdsolve.measures.stress_intensities import TipIntensityHistory, follow_tip_intensities
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 

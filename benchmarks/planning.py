@@ -29,7 +29,7 @@ from pdmesh.drawing.file_reading import read_scene
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Horizon, Material
 from pdmesh.reports.accuracy_estimate import changed, feature, proposal
-from pdpost.measures import tradeoff
+from pdsolve.measures import tradeoff
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.results import Results

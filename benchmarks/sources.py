@@ -19,8 +19,8 @@ from benchmarks.pages import DOCS, markdown_table, pictured, write_block
 from benchmarks.thesis import provenance
 from pdpost.figures import field_figure
 from pdpost.figures.style import save, styled
-from pdpost.measures.cracks import find_crack_events
 from pdsolve.laws.higher_order_correspondence import fit
+from pdsolve.measures.cracks import find_crack_events
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate
 

@@ -20,10 +20,10 @@ from benchmarks.pages import markdown_table
 from benchmarks.specimens import PULL, STATIC, UNIT, centre_shape, edge_shape
 from pdmesh.model.document import Horizon, Load, Material, Settings
 from pdmesh.model.lattice_calibration import calibration, lattice_ratios
-from pdpost.measures.stress_intensities import follow_tip_intensities
 from pdsolve.fracture.domain_integrals import Ring
 from pdsolve.laws import MODELS, ordinary
 from pdsolve.laws.law import Law
+from pdsolve.measures.stress_intensities import follow_tip_intensities
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 

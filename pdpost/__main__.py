@@ -107,9 +107,9 @@ def _exits() -> dict[type[Exception], int]:
     from pdmesh.model.document import GridError
     from pdpost.exports.frame_files import ExportError
     from pdpost.figures.style import FigureError
-    from pdpost.measures.fields import FieldError
-    from pdpost.measures.paths import PathError
     from pdpost.reading.watching import SilentError
+    from pdsolve.measures.fields import FieldError
+    from pdsolve.measures.paths import PathError
     from pdsolve.results import ResultsError
     from pdsolve.study.description import StudyError
 

@@ -14,7 +14,7 @@ from pdmesh.model.document import Horizon, Lattice, Material, Settings
 from pdmesh.model.lattice_calibration import calibration, lattice_ratios
 from pdmesh.model.material_constants import C11, C66
 from pdmesh.model.node_grid import whole_lattice
-from pdpost.measures.intensities_3d import FrontIntensities, compute_front_intensities
+from pdsolve.measures.intensities_3d import FrontIntensities, compute_front_intensities
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.results import Families, Nodes

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from pdpost.measures.tips import CrackBranch
+from pdsolve.measures.tips import CrackBranch
 
 
 def mirrored(

@@ -261,10 +261,10 @@ RIGHT_ANSWERS = (
     ),
     # numbers that are printed
     Mutant(
-        "pdpost/measures/tips.py",
+        "pdsolve/measures/tips.py",
         "if before < len(away) and",
         "if False and before < len(away) and",
-        "tests/unit/pdpost/measures/test_tips.py::test_a_mean_speed_ends_where_the_crack_reaches_the_edge",
+        "tests/unit/pdsolve/measures/test_tips.py::test_a_mean_speed_ends_where_the_crack_reaches_the_edge",
     ),
     Mutant(
         "pdpost/figures/colours.py",
@@ -279,16 +279,16 @@ RIGHT_ANSWERS = (
         "tests/unit/pdsolve/diffusion/test_masses.py::test_held_nodes_exchange_nothing_and_are_supplied_nothing",
     ),
     Mutant(
-        "pdpost/measures/directions.py",
+        "pdsolve/measures/directions.py",
         "way.angle_from_pre_crack - angle",
         "way.angle_from_pre_crack",
-        "tests/unit/pdpost/measures/test_predicted_directions.py::test_the_last_frame_before_bonds_broke_predicts",
+        "tests/unit/pdsolve/measures/test_predicted_directions.py::test_the_last_frame_before_bonds_broke_predicts",
     ),
     Mutant(
-        "pdpost/measures/crack_summary.py",
+        "pdsolve/measures/crack_summary.py",
         "    lines += _small_piece_sentences(summary.fragments)\n",
         "",
-        "tests/unit/pdpost/measures/test_cracks.py::test_pieces_beside_crumbs_are_said_to_be_few",
+        "tests/unit/pdsolve/measures/test_cracks.py::test_pieces_beside_crumbs_are_said_to_be_few",
     ),
     Mutant(
         "pdsolve/laws/material_checks.py",
@@ -321,10 +321,10 @@ RIGHT_ANSWERS = (
         "tests/verification/test_tear.py::test_a_run_says_what_a_cut_cost_beside_g0_times_its_area",
     ),
     Mutant(
-        "pdpost/measures/crack_summary.py",
+        "pdsolve/measures/crack_summary.py",
         'f"{line}{LEANING}" if abs(prediction.path_deviation) > LEANS else line',
         "line",
-        "tests/unit/pdpost/measures/test_predicted_directions.py::test_a_path_that_leans_to_the_grid_is_told_to",
+        "tests/unit/pdsolve/measures/test_predicted_directions.py::test_a_path_that_leans_to_the_grid_is_told_to",
     ),
     # numbers of numpy, and laws of one's own
     Mutant(
@@ -373,16 +373,16 @@ RIGHT_ANSWERS = (
     ),
     # pre-cracks and critical stretches
     Mutant(
-        "pdpost/measures/cracked_nodes.py",
+        "pdsolve/measures/cracked_nodes.py",
         "return np.asarray((broken_count - cut) / np.maximum(family - cut, 1))",
         "return np.asarray(broken_count / np.maximum(family, 1))",
-        "tests/unit/pdpost/measures/test_cracks.py::test_a_pre_crack_is_not_damage",
+        "tests/unit/pdsolve/measures/test_cracks.py::test_a_pre_crack_is_not_damage",
     ),
     Mutant(
-        "pdpost/measures/cracked_nodes.py",
+        "pdsolve/measures/cracked_nodes.py",
         "np.minimum(cut, crossing)",
         "cut",
-        "tests/unit/pdpost/measures/test_changing.py::test_a_node_that_is_born_cracked_is_so_since_the_one_before",
+        "tests/unit/pdsolve/measures/test_changing.py::test_a_node_that_is_born_cracked_is_so_since_the_one_before",
     ),
     Mutant(
         "pdmesh/model/fracture_energy.py",

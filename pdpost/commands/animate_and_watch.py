@@ -76,8 +76,8 @@ def _animate(args: argparse.Namespace) -> int:
 
     from pdmesh.files import write_atomically
     from pdpost.figures import animation, style
-    from pdpost.measures.fields import default_field_name
-    from pdpost.reading.frame_steps import frames
+    from pdsolve.measures.fields import default_field_name
+    from pdsolve.measures.frame_steps import frames
     from pdsolve.results import Results
 
     settings = dict(args.assignments)
@@ -114,9 +114,9 @@ def _animate(args: argparse.Namespace) -> int:
 
 def _watch(args: argparse.Namespace) -> int:
     from pdpost.figures import field_figure, style
-    from pdpost.measures.fields import default_field_name
     from pdpost.reading import watching
-    from pdpost.reading.frame_steps import time_text
+    from pdsolve.measures.fields import default_field_name
+    from pdsolve.measures.frame_steps import time_text
     from pdsolve.results import Results
 
     def chosen(field: str) -> Path:

@@ -67,8 +67,8 @@ def _add_body_command(commands: Commands, name: str, about: str) -> argparse.Arg
 def _slice(args: argparse.Namespace) -> int:
     from pdpost.exports import csv_columns
     from pdpost.figures import slice_figure, style
-    from pdpost.measures import fields, slices
-    from pdpost.reading.embedded_model import moment
+    from pdsolve.measures import fields, slices
+    from pdsolve.measures.embedded_model import moment
     from pdsolve.results import Results
 
     path = picture_path(args, ".slice.png")
@@ -99,8 +99,8 @@ def _slice(args: argparse.Namespace) -> int:
 
 def _render(args: argparse.Namespace) -> int:
     from pdpost.figures import colours, render, style
-    from pdpost.measures import fields, slices
-    from pdpost.reading.embedded_model import moment
+    from pdsolve.measures import fields, slices
+    from pdsolve.measures.embedded_model import moment
     from pdsolve.results import Results
 
     path = picture_path(args, ".render.png")
@@ -142,7 +142,7 @@ def _cracked(results: Results, step: int, explode: float | None) -> Figure:
     """The cracks of a body, or its fragments apart."""
     from pdpost.figures import crack_render
     from pdpost.figures.colours import at
-    from pdpost.measures.crack_faces import build_crack_surface, find_opened_face_neighbours
+    from pdsolve.measures.crack_faces import build_crack_surface, find_opened_face_neighbours
 
     parted_pairs, nodes = find_opened_face_neighbours(results, step), results.nodes(step)
     if explode is not None:

@@ -56,9 +56,9 @@ def add(commands: Commands) -> None:
 
 def _compare(args: argparse.Namespace) -> int:
     from pdpost.figures import frames_figure, style
-    from pdpost.measures import fields
-    from pdpost.measures.plate_geometry import expect_same_plate
-    from pdpost.reading.frame_steps import time_text
+    from pdsolve.measures import fields
+    from pdsolve.measures.frame_steps import time_text
+    from pdsolve.measures.plate_geometry import expect_same_plate
     from pdsolve.results import Results
 
     files: list[Path] = args.results

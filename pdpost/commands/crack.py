@@ -34,10 +34,10 @@ ALONE = ("compare", "along", "frame", "step", "time")  # options that a study do
 
 def overlaid(args: argparse.Namespace, threshold: float) -> int:
     """Draw the crack paths of all runs of a study, for `pdpost crack`; returns the exit code."""
-    from pdpost.measures import paths
-    from pdpost.measures.plate_geometry import expect_same_plate
     from pdpost.reading import studies
-    from pdpost.reading.frame_steps import last_step
+    from pdsolve.measures import paths
+    from pdsolve.measures.frame_steps import last_step
+    from pdsolve.measures.plate_geometry import expect_same_plate
     from pdsolve.results import Results, ResultsError
 
     if any(getattr(args, name) is not None for name in ALONE):
@@ -148,9 +148,9 @@ def _crack(args: argparse.Namespace) -> int:
 
 
 def _one(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
-    from pdpost.measures import crack_summary
-    from pdpost.measures.directions import predict_initial_directions
-    from pdpost.reading.json_keys import fields_by_json_key
+    from pdsolve.measures import crack_summary
+    from pdsolve.measures.directions import predict_initial_directions
+    from pdsolve.measures.json_keys import fields_by_json_key
 
     check_window(results, args)
     summary = crack_summary.crack(results, _step(args, results), threshold, args.along)
@@ -168,7 +168,7 @@ def _one(args: argparse.Namespace, results: Results, threshold: float, path: Pat
 
 def _of_body(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
     from pdpost.exports import surface_files
-    from pdpost.measures import crack_3d
+    from pdsolve.measures import crack_3d
 
     for option in ("along", "window", "compare"):
         if getattr(args, option) is not None:
@@ -190,10 +190,10 @@ def _of_body(args: argparse.Namespace, results: Results, threshold: float, path:
 
 
 def _two(args: argparse.Namespace, first_run: Results, second_run: Results, threshold: float, path: Path | None) -> int:
-    from pdpost.measures import cracks, paths
-    from pdpost.measures.paths import compare_cracks
-    from pdpost.reading.frame_steps import time_text
-    from pdpost.reading.json_keys import fields_by_json_key
+    from pdsolve.measures import cracks, paths
+    from pdsolve.measures.frame_steps import time_text
+    from pdsolve.measures.json_keys import fields_by_json_key
+    from pdsolve.measures.paths import compare_cracks
 
     check_window(first_run, args)
     steps = _step(args, first_run), _step(args, second_run)
@@ -227,7 +227,7 @@ def _two(args: argparse.Namespace, first_run: Results, second_run: Results, thre
 
 
 def _step(args: argparse.Namespace, results: Results) -> int:
-    from pdpost.reading.frame_steps import last_step
+    from pdsolve.measures.frame_steps import last_step
 
     if args.frame is not None or args.time is not None:
         return chosen_frame(results, args)[0]

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from pdpost.commands.shared import Commands
-    from pdpost.measures.histories import NodeHistory
+    from pdsolve.measures.histories import NodeHistory
     from pdsolve.results import Results
 
 PLACE = "m, or such as 5,20mm, of a body with z"
@@ -89,7 +89,7 @@ def _place(name: str, *counts: int) -> Any:
 
 def _history(args: argparse.Namespace) -> int:
     from pdmesh.model.output_fields import FIELDS
-    from pdpost.reading.json_keys import fields_by_json_key
+    from pdsolve.measures.json_keys import fields_by_json_key
     from pdsolve.results import Results
 
     path = picture_path(args, ".history.png")
@@ -123,9 +123,9 @@ def _history(args: argparse.Namespace) -> int:
 def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> int:
     """The history of a substance that diffuses, or of heat."""
     from pdmesh.model.amounts import amounts_line
-    from pdpost.measures.balance import mass_balance_with_unit
-    from pdpost.reading.frame_steps import time_text
-    from pdpost.reading.json_keys import fields_by_json_key
+    from pdsolve.measures.balance import mass_balance_with_unit
+    from pdsolve.measures.frame_steps import time_text
+    from pdsolve.measures.json_keys import fields_by_json_key
 
     if args.places or args.components:
         raise commandline.UsageError("history: masses are of the whole model; leave out nodes and components")
@@ -155,7 +155,7 @@ def _usual(results: Results) -> list[Place]:
 
     import numpy as np
 
-    from pdpost.reading.frame_steps import last_frame, vector
+    from pdsolve.measures.frame_steps import last_frame, vector
 
     probed = np.unique(results.probes()["node"])
     if len(probed):
@@ -166,7 +166,7 @@ def _usual(results: Results) -> list[Place]:
 
 def _curve(results: Results, place: Place, *what: str) -> NodeHistory:
     """History of a quantity and its component at a place; `what` is (quantity, component)."""
-    from pdpost.measures import histories
+    from pdsolve.measures import histories
 
     option, values = place
     if option == "--node":
@@ -192,8 +192,8 @@ def _history_line(curve: NodeHistory, unit: str) -> str:
 def _balance(args: argparse.Namespace) -> int:
     import numpy as np
 
-    from pdpost.measures.balance import energy_balance, energy_loss_warnings, thickness_unit_suffix
-    from pdpost.reading.frame_steps import time_text
+    from pdsolve.measures.balance import energy_balance, energy_loss_warnings, thickness_unit_suffix
+    from pdsolve.measures.frame_steps import time_text
     from pdsolve.results import Results
 
     path = picture_path(args, ".balance.png")
@@ -234,8 +234,8 @@ def _balance(args: argparse.Namespace) -> int:
 
 
 def _reaction(args: argparse.Namespace) -> int:
-    from pdpost.measures.balance import thickness_unit_suffix
-    from pdpost.measures.forces import read_condition_force_histories, select_condition_force_histories
+    from pdsolve.measures.balance import thickness_unit_suffix
+    from pdsolve.measures.forces import read_condition_force_histories, select_condition_force_histories
     from pdsolve.results import Results
 
     if args.gap is not None:
@@ -277,15 +277,15 @@ def _reaction(args: argparse.Namespace) -> int:
 
 
 def _gap(args: argparse.Namespace) -> int:
-    from pdpost.measures.balance import thickness_unit_suffix
-    from pdpost.measures.forces import (
+    from pdsolve.measures.balance import thickness_unit_suffix
+    from pdsolve.measures.forces import (
         force_over_gap_opening,
         measure_gap_between_places,
         read_condition_force_histories,
         read_named_gap,
         select_condition_force_histories,
     )
-    from pdpost.reading.json_keys import fields_by_json_key
+    from pdsolve.measures.json_keys import fields_by_json_key
     from pdsolve.results import Results
 
     if args.smooth < 1:

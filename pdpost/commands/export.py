@@ -54,7 +54,7 @@ def add(commands: Commands) -> None:
 
 def _export(args: argparse.Namespace) -> int:
     from pdpost.exports import frame_files, surface_files, xdmf
-    from pdpost.reading.frame_steps import chosen, diffuses
+    from pdsolve.measures.frame_steps import chosen, diffuses
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, ".pvd", args.force)

@@ -10,7 +10,7 @@ from pdpost.commands.shared import add_every, chosen_stride, counted, picture_pa
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
-    from pdpost.measures.fatigue import FatigueLife
+    from pdsolve.measures.fatigue import FatigueLife
 
 HEADER = (
     *("run", "tip", "cycles", "growth, m", "K, Pa m^0.5", "dK, Pa m^0.5", "da/dN to the next, m", "settled"),
@@ -29,7 +29,7 @@ def add(commands: Commands) -> None:
 
 
 def _fatigue(args: argparse.Namespace) -> int:
-    from pdpost.reading.json_keys import fields_by_json_key
+    from pdsolve.measures.json_keys import fields_by_json_key
 
     path = picture_path(args, ".fatigue.png")
     with shared.styled(path, dict(args.assignments)):
@@ -61,9 +61,9 @@ def _measured(args: argparse.Namespace, name: str) -> FatigueLife:
     """The life of a run. Raises ResultsError."""
     from pathlib import Path
 
-    from pdpost.measures import fatigue
-    from pdpost.reading.embedded_model import expect_mechanics
-    from pdpost.reading.frame_steps import chosen
+    from pdsolve.measures import fatigue
+    from pdsolve.measures.embedded_model import expect_mechanics
+    from pdsolve.measures.frame_steps import chosen
     from pdsolve.results import Results
 
     with Results.open(Path(name)) as results:

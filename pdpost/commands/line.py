@@ -40,8 +40,8 @@ def add(commands: Commands) -> None:
 def _line(args: argparse.Namespace) -> int:
     import numpy as np
 
-    from pdpost.measures import fields, lines
-    from pdpost.reading.frame_steps import time_text
+    from pdsolve.measures import fields, lines
+    from pdsolve.measures.frame_steps import time_text
     from pdsolve.results import Results
 
     path = picture_path(args, ".line.png")

@@ -48,7 +48,7 @@ def _notch(args: argparse.Namespace) -> int:
     import msgspec
 
     from pdmesh.model.document import read_document, write_file
-    from pdpost.reading.embedded_model import model_text
+    from pdsolve.measures.embedded_model import model_text
     from pdsolve.results import Results
 
     none = args.output is None and (args.json or args.csv is not None)
@@ -89,7 +89,7 @@ def _triangles(results: Results, step: int) -> _Found:
     """The pre-cracks of a body, and what opened in its run. Raises ResultsError without any."""
     import numpy as np
 
-    from pdpost.measures.crack_faces import (
+    from pdsolve.measures.crack_faces import (
         build_crack_surface,
         find_opened_face_neighbours,
         triangles_of_grown_faces,

@@ -101,7 +101,7 @@ def _field(args: argparse.Namespace) -> int:
     from pdpost.exports import csv_columns
     from pdpost.figures import field_figure
     from pdpost.figures.sheets import seen
-    from pdpost.measures import fields
+    from pdsolve.measures import fields
 
     name = args.picture
     if args.frames is not None:
@@ -136,7 +136,7 @@ def _cut_open(results: Results, name: str, args: argparse.Namespace) -> bool:
     """Whether a body is drawn cut open: where a plane is given, and damage wherever PyVista is."""
     from importlib.util import find_spec
 
-    from pdpost.measures.slices import expect_3d_body
+    from pdsolve.measures.slices import expect_3d_body
 
     if args.clip is not None:
         expect_3d_body(results)
@@ -191,8 +191,8 @@ def _bonds(args: argparse.Namespace) -> int:
     from pdpost.exports import csv_columns
     from pdpost.figures import bond_figure
     from pdpost.figures.sheets import seen
-    from pdpost.measures.bond_pairs import read_bond_pairs
-    from pdpost.reading.embedded_model import expect_mechanics
+    from pdsolve.measures.bond_pairs import read_bond_pairs
+    from pdsolve.measures.embedded_model import expect_mechanics
 
     def show(results: Results, step: int, scale: float) -> Drawn:
         expect_mechanics(results)
@@ -212,7 +212,7 @@ def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Drawn
     """Draw the frame asked for and print what it shows; returns the exit code."""
     from pdpost.exports import csv_columns
     from pdpost.figures import style
-    from pdpost.reading.embedded_model import moment
+    from pdsolve.measures.embedded_model import moment
     from pdsolve.results import Results
 
     path = picture_path(args, f".{args.picture}.png")

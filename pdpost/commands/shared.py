@@ -107,7 +107,7 @@ def chosen_frame(results: Results, args: argparse.Namespace) -> tuple[int, float
     """Step and time (s) chosen by --frame, --step or --time. Raises ResultsError naming the frames there are."""
     import numpy as np
 
-    from pdpost.reading.frame_steps import frames
+    from pdsolve.measures.frame_steps import frames
     from pdsolve.results import ResultsError
 
     steps, times = frames(results)
@@ -236,8 +236,8 @@ def check_window(results: Results, args: argparse.Namespace) -> None:
     from shapely import box
 
     from pdpost.figures.sheets import seen
-    from pdpost.measures.plate_geometry import read_plate_geometry
-    from pdpost.reading.frame_steps import last_frame
+    from pdsolve.measures.frame_steps import last_frame
+    from pdsolve.measures.plate_geometry import read_plate_geometry
     from pdsolve.results import ResultsError
 
     shape, window = read_plate_geometry(results).plate_shape, box(*args.window)
@@ -327,7 +327,7 @@ def _amount(text: str) -> str:
 def largest_of(args: argparse.Namespace, field: str) -> float | None:
     """The value of --largest, in the SI unit of a field. Raises UsageError for a unit of something else."""
     from pdmesh.quantities import KINDS, quantity
-    from pdpost.measures.fields import FIELDS
+    from pdsolve.measures.fields import FIELDS
 
     if args.largest is None or field not in FIELDS:  # which is refused where it is read
         return None
@@ -437,7 +437,7 @@ def add_every(command: argparse.ArgumentParser) -> None:
 
 def chosen_stride(results: Results, args: argparse.Namespace) -> int:
     """Which frames --every or --stride takes, as a number of frames. Raises ResultsError naming the steps there are."""
-    from pdpost.reading.frame_steps import frames
+    from pdsolve.measures.frame_steps import frames
     from pdsolve.results import ResultsError
 
     if args.every is None:

@@ -26,9 +26,9 @@ from pdpost.commands.shared import (
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
-    from pdpost.measures.intensities_3d import FrontIntensities
-    from pdpost.measures.stress_intensities import TipIntensityHistory
     from pdsolve.fracture.domain_integrals import Ring
+    from pdsolve.measures.intensities_3d import FrontIntensities
+    from pdsolve.measures.stress_intensities import TipIntensityHistory
     from pdsolve.results import Results
 
 TIP_UNITS = {"J": "J/m^2", "K1": "Pa m^0.5", "K2": "Pa m^0.5", "T": "Pa", "angle": "degrees"}
@@ -66,8 +66,8 @@ def _ring(text: str) -> tuple[float, float]:
 
 
 def _sif(args: argparse.Namespace) -> int:
-    from pdpost.reading.embedded_model import expect_mechanics
-    from pdpost.reading.frame_steps import chosen
+    from pdsolve.measures.embedded_model import expect_mechanics
+    from pdsolve.measures.frame_steps import chosen
     from pdsolve.results import Results
 
     path = picture_path(args, ".sif.png")
@@ -106,10 +106,10 @@ def _band_words(series: TipIntensityHistory | FrontIntensities, at: int, intensi
 
 def _tips(args: argparse.Namespace, results: Results, steps: list[int], path: Path | None) -> int:
     """Draw, print and table the fracture parameters of tips of a plate; returns the exit code."""
-    from pdpost.measures import stress_intensities
-    from pdpost.measures.release import measure_energy_release
-    from pdpost.measures.tips import crack_branches
     from pdsolve.fracture.domain_integrals import Ring
+    from pdsolve.measures import stress_intensities
+    from pdsolve.measures.release import measure_energy_release
+    from pdsolve.measures.tips import crack_branches
 
     if args.tip is not None and len(args.tip) != 2:
         raise commandline.UsageError(f"--tip has {len(args.tip)} numbers; use 2, a place in m")
@@ -145,7 +145,7 @@ def _expect_on_plate(results: Results, place: tuple[float, float] | None) -> Non
     """Raise UsageError for a place that is farther from the plate than a spacing."""
     from shapely import Point
 
-    from pdpost.measures.plate_geometry import read_plate_geometry
+    from pdsolve.measures.plate_geometry import read_plate_geometry
 
     if place is None:
         return
@@ -177,7 +177,7 @@ def _tip_for_json(series: TipIntensityHistory, release_rates: Any) -> dict[str, 
 def _tip_words(series: TipIntensityHistory) -> str:
     import numpy as np
 
-    from pdpost.reading.frame_steps import time_text
+    from pdsolve.measures.frame_steps import time_text
 
     finite = np.flatnonzero(np.isfinite(series.value["J"]))
     if not len(finite):
@@ -200,7 +200,7 @@ def _tip_words(series: TipIntensityHistory) -> str:
 
 def _fronts(args: argparse.Namespace, results: Results, steps: list[int], path: Path | None) -> int:
     """Draw, print and table the fracture parameters along the fronts of a body; returns the exit code."""
-    from pdpost.measures.intensities_3d import follow_front_intensities
+    from pdsolve.measures.intensities_3d import follow_front_intensities
 
     front_states = follow_front_intensities(results, steps, args.tip, args.ring, counted(args, "summing"))
     last = [front for front in front_states if front.step == front_states[-1].step]
@@ -250,7 +250,7 @@ def _front_words(front: FrontIntensities) -> str:
     """The largest and the mean of a front's values."""
     import numpy as np
 
-    from pdpost.reading.frame_steps import time_text
+    from pdsolve.measures.frame_steps import time_text
 
     known_points = front.points_with_values
     at = int(known_points[front.value["J"][known_points].argmax()])

@@ -49,8 +49,7 @@ def add(commands: Commands) -> None:
 
 
 def _study(args: argparse.Namespace) -> int:
-    from pdpost.measures import scatter
-    from pdpost.reading import studies
+    from pdpost.reading import scatter, studies
 
     path = picture_path(args, ".study.png")
     with shared.styled(path, dict(args.assignments)):

@@ -17,7 +17,7 @@ from pdpost.commands.shared import (
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
-    from pdpost.measures.tradeoff import TradeoffPoint
+    from pdsolve.measures.tradeoff import TradeoffPoint
 
 COSTS = ("wall_time", "bond_updates", "bytes")
 ERRORS = ("displacement", "path", "start", "branching", "energy")
@@ -62,7 +62,7 @@ def _tradeoff(args: argparse.Namespace) -> int:
 
     from pdmesh.files import write_atomically
     from pdpost.figures import style, tradeoff_figure
-    from pdpost.measures import tradeoff
+    from pdsolve.measures import tradeoff
 
     compared, args.results = args.results, args.reference  # what --csv must not overwrite
     picture = commandline.output_path(args.output, Path("tradeoff.sqlite"), ".png", args.force)
@@ -117,8 +117,8 @@ def _tradeoff(args: argparse.Namespace) -> int:
 
 def _points(files: list[Path], reference: Path) -> list[TradeoffPoint]:
     """Points of the chart for the results in `files`, named by their paths if file names repeat."""
-    from pdpost.measures import tradeoff
     from pdpost.reading.studies import stands_for
+    from pdsolve.measures import tradeoff
     from pdsolve.results import Results
 
     points, named = [], stands_for(files)

@@ -28,8 +28,8 @@ def add(commands: Commands) -> None:
 
 
 def _verify(args: argparse.Namespace) -> int:
-    from pdpost.measures.verification import verify_database
-    from pdpost.reading.json_keys import fields_by_json_key
+    from pdsolve.measures.json_keys import fields_by_json_key
+    from pdsolve.measures.verification import verify_database
     from pdsolve.results import Results
 
     with Results.open(args.results) as results:

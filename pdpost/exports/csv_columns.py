@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.plain_text import for_csv
-from pdpost.measures import fields
+from pdsolve.measures import fields
 from pdsolve.results import Nodes, Results
 
 if TYPE_CHECKING:
-    from pdpost.measures.bond_pairs import BondPairs
+    from pdsolve.measures.bond_pairs import BondPairs
 
 Columns = Mapping[str, NDArray[np.generic]]
 

@@ -21,9 +21,9 @@ from pdmesh.plain_text import for_file_name, visible
 from pdpost.exports import msh as msh_file
 from pdpost.exports import xdmf as xdmf_file
 from pdpost.exports.csv_columns import csv, of_frame
-from pdpost.measures import fields
-from pdpost.reading.embedded_model import read
-from pdpost.reading.frame_steps import diffuses
+from pdsolve.measures import fields
+from pdsolve.measures.embedded_model import read
+from pdsolve.measures.frame_steps import diffuses
 from pdsolve.results import Nodes, Results
 
 MOST = 64  # sets in a file; models with a condition for each node have more

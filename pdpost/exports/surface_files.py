@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from pdmesh.files import write_atomically
 from pdpost.exports.frame_files import ExportError
-from pdpost.measures.crack_3d import front_speeds_below_rayleigh_speed
-from pdpost.measures.crack_faces import CrackSurface, build_crack_surface, find_opened_face_neighbours
+from pdsolve.measures.crack_3d import front_speeds_below_rayleigh_speed
+from pdsolve.measures.crack_faces import CrackSurface, build_crack_surface, find_opened_face_neighbours
 from pdsolve.results import Results
 
 SUFFIXES = (".vtp", ".stl")

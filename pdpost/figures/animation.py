@@ -24,9 +24,9 @@ from pdpost.figures import colours, crack_render, field_figure, slice_figure
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import border, box_of, grown, hidden, legend, mark, paint, painted_cells, seen, shape, sheet
 from pdpost.figures.style import EDGE, TORN, UNKNOWN, FigureError
-from pdpost.measures import fields
-from pdpost.measures.slices import expect_3d_body
-from pdpost.reading.frame_steps import chosen
+from pdsolve.measures import fields
+from pdsolve.measures.frame_steps import chosen
+from pdsolve.measures.slices import expect_3d_body
 from pdsolve.results import Results
 
 DPI = 110

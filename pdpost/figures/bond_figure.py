@@ -13,8 +13,8 @@ from pdpost.figures.colours import at
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import box_of, legend, mark, seen, shape, sheet
 from pdpost.figures.style import SKY_BLUE, VERMILION
-from pdpost.measures.bond_pairs import BondPairs, read_bond_pairs
-from pdpost.reading.frame_steps import last_frame
+from pdsolve.measures.bond_pairs import BondPairs, read_bond_pairs
+from pdsolve.measures.frame_steps import last_frame
 from pdsolve.results import Results
 
 INTACT, BROKEN = SKY_BLUE, VERMILION

@@ -14,13 +14,13 @@ from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_legend
 from pdpost.figures.colours import scaled, ten_to
 from pdpost.figures.style import COLOURS
-from pdpost.measures import fields
-from pdpost.measures.balance import AMOUNTS, EnergyBalance, MassBalance
-from pdpost.measures.forces import ConditionForceHistory, ForceOpeningCurve
-from pdpost.measures.histories import NodeHistory
+from pdsolve.measures import fields
+from pdsolve.measures.balance import AMOUNTS, EnergyBalance, MassBalance
+from pdsolve.measures.forces import ConditionForceHistory, ForceOpeningCurve
+from pdsolve.measures.histories import NodeHistory
 
 if TYPE_CHECKING:
-    from pdpost.measures.lines import FieldAlongLine  # which would import SciPy
+    from pdsolve.measures.lines import FieldAlongLine  # which would import SciPy
 
 DASHES = ("-", "--", "-.", ":")
 WIDTH = 7.0  # inches

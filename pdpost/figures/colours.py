@@ -13,9 +13,9 @@ from matplotlib.colors import Normalize
 from numpy.typing import NDArray
 
 from pdpost.figures.style import UNKNOWN, narrow
-from pdpost.measures import fields
-from pdpost.measures.crack_faces import CrackSurface
-from pdpost.reading.embedded_model import counts_load_steps, moment
+from pdsolve.measures import fields
+from pdsolve.measures.crack_faces import CrackSurface
+from pdsolve.measures.embedded_model import counts_load_steps, moment
 from pdsolve.results import Results
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}

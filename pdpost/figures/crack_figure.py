@@ -20,13 +20,13 @@ from pdpost.figures.colours import scaled
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Shape, Sheet, box_of, mark, on_axes, paint, shape
 from pdpost.figures.style import narrow
-from pdpost.measures import crack_summary
-from pdpost.measures.crack_summary import CrackPathSummary
-from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
-from pdpost.measures.paths import LONG, Polyline
-from pdpost.measures.speed import WINDOW
-from pdpost.measures.tips import CrackBranch
-from pdpost.reading.frame_steps import time_text
+from pdsolve.measures import crack_summary
+from pdsolve.measures.crack_summary import CrackPathSummary
+from pdsolve.measures.cracked_nodes import damage_without_pre_cracks_at
+from pdsolve.measures.frame_steps import time_text
+from pdsolve.measures.paths import LONG, Polyline
+from pdsolve.measures.speed import WINDOW
+from pdsolve.measures.tips import CrackBranch
 from pdsolve.results import Results
 
 Numbered: TypeAlias = tuple[int, CrackBranch]  # a branch with its number, which is its colour, as in pictures of `sif`

@@ -13,15 +13,15 @@ from pdmesh.plain_figure import Figure
 from pdpost.figures.colours import CMAP, Colours, Opening, colours, mappable, opening_colours, title
 from pdpost.figures.render import STONE, add_body, framed, image, needed_pyvista, plotter_of, taken
 from pdpost.figures.style import COLOURS, FigureError
-from pdpost.measures import slices
-from pdpost.measures.crack_faces import (
+from pdsolve.measures import slices
+from pdsolve.measures.crack_faces import (
     CrackSurface,
     FaceNeighbourPairs,
     build_crack_surface,
     find_opened_face_neighbours,
 )
-from pdpost.measures.fragments import SMALLEST, fragment_number_of_nodes
-from pdpost.reading.frame_steps import diffuses
+from pdsolve.measures.fragments import SMALLEST, fragment_number_of_nodes
+from pdsolve.measures.frame_steps import diffuses
 from pdsolve.results import Nodes, Results
 
 CLEAR = 0.12  # opacity of the body around its cracks

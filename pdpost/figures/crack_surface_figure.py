@@ -10,8 +10,8 @@ from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 from pdmesh.plain_figure import Figure
 from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.figures.colours import Opening, opening_colours, scaled
-from pdpost.measures.crack_3d import CrackSurfaceSummary
-from pdpost.reading.frame_steps import time_text
+from pdsolve.measures.crack_3d import CrackSurfaceSummary
+from pdsolve.measures.frame_steps import time_text
 from pdsolve.results import Results
 
 VIEW = (25.0, -60.0)  # degrees: height and turn of the eye

@@ -12,7 +12,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_legend
 from pdpost.figures.charts import WIDTH, look, plain
-from pdpost.measures.fatigue import FIRST, FatigueLife, TipFatigueGrowth, effective_dK_between_frames
+from pdsolve.measures.fatigue import FIRST, FatigueLife, TipFatigueGrowth, effective_dK_between_frames
 
 WIDER = 3.0  # times the range of the points that Wöhler's line is drawn over
 

@@ -20,8 +20,8 @@ from pdpost.figures.colours import Colours, colours, mappable, title
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Sheet, border, box_of, hidden, legend, mark, paint, seen, shape, sheet
 from pdpost.figures.style import TORN, UNKNOWN, narrow, styled, written
-from pdpost.measures import fields
-from pdpost.reading.frame_steps import last_frame
+from pdsolve.measures import fields
+from pdsolve.measures.frame_steps import last_frame
 from pdsolve.results import Results
 
 DPI = 110

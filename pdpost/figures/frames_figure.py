@@ -14,8 +14,8 @@ from pdpost.figures import colours, field_figure
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import border, box_of, hidden, mark, on_axes, paint, seen, shape
 from pdpost.figures.style import narrow
-from pdpost.measures import fields
-from pdpost.reading.embedded_model import moment
+from pdsolve.measures import fields
+from pdsolve.measures.embedded_model import moment
 from pdsolve.results import Results
 
 TITLE, AROUND = 0.25, 0.9  # inches: above each picture; for axes and legend

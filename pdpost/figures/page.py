@@ -20,18 +20,18 @@ from pdpost.figures.animation import gif
 from pdpost.figures.colours import prefixed, spelled
 from pdpost.figures.scene_figure import acted_on, scene
 from pdpost.figures.style import written
-from pdpost.measures import crack_3d, crack_summary
-from pdpost.measures.balance import (
+from pdsolve.measures import crack_3d, crack_summary
+from pdsolve.measures.balance import (
     AMOUNTS,
     energy_balance,
     energy_loss_warnings,
     mass_balance_with_unit,
     thickness_unit_suffix,
 )
-from pdpost.measures.fields import default_field_name
-from pdpost.measures.forces import read_condition_force_histories
-from pdpost.reading.embedded_model import at_rest, moment, whole
-from pdpost.reading.frame_steps import OF_DIFFUSION, diffuses, frames
+from pdsolve.measures.embedded_model import at_rest, moment, whole
+from pdsolve.measures.fields import default_field_name
+from pdsolve.measures.forces import read_condition_force_histories
+from pdsolve.measures.frame_steps import OF_DIFFUSION, diffuses, frames
 from pdsolve.results import DamagedError, Nodes, Results, ResultsError
 
 DPI = 110

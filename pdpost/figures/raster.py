@@ -12,7 +12,7 @@ import shapely
 from matplotlib.path import Path as Curve
 from numpy.typing import NDArray
 
-from pdpost.measures.plate_geometry import VoronoiCells
+from pdsolve.measures.plate_geometry import VoronoiCells
 
 TIE = 1e-6  # pixels: keeps an edge that two nodes share from rounding to either side of a pixel's centre
 BLOCK = 1 << 18  # nodes at a time, so that memory stays small

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.plain_figure import Figure
 from pdpost.figures.colours import Colours, mappable
 from pdpost.figures.style import FigureError
-from pdpost.measures.slices import AXES
+from pdsolve.measures.slices import AXES
 from pdsolve.results import Nodes
 
 SIZE = (1600, 1200)  # pixels

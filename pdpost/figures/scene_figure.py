@@ -20,7 +20,7 @@ from pdpost.figures.colours import at, prefixed
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Shape, Sheet, box_of, legend, mark, on_axes, paint, shape, sheet, tint
 from pdpost.figures.style import COLOURS, SHADES
-from pdpost.reading.frame_steps import last_frame
+from pdsolve.measures.frame_steps import last_frame
 from pdsolve.results import Nodes, Results
 
 FEW = 150  # spacings across the plate: more are drawn without gaps between the nodes

@@ -23,12 +23,12 @@ from pdpost.figures import raster
 from pdpost.figures.colours import prefixed
 from pdpost.figures.raster import Box, around, outlines
 from pdpost.figures.style import BLACK, EDGE, GROWN, THICK, THIN, TORN, narrow
-from pdpost.measures import plate_geometry
-from pdpost.measures.plate_geometry import PlateGeometry, VoronoiCells, clipped_voronoi_cells, read_plate_geometry
-from pdpost.measures.strain import families_without_broken_bonds
-from pdpost.reading.frame_steps import vector
 from pdsolve.fracture.crack_particles import arms, until
 from pdsolve.fracture.gradients import gradients_of
+from pdsolve.measures import plate_geometry
+from pdsolve.measures.frame_steps import vector
+from pdsolve.measures.plate_geometry import PlateGeometry, VoronoiCells, clipped_voronoi_cells, read_plate_geometry
+from pdsolve.measures.strain import families_without_broken_bonds
 from pdsolve.results import Results
 
 TALLEST, FLATTEST = 6.5, 1.2  # inches, of the plate

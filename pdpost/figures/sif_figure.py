@@ -15,11 +15,11 @@ from pdpost.figures.colours import scaled
 from pdpost.figures.crack_figure import on_grey_plate
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import box_of, shape
-from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
-from pdpost.measures.intensities_3d import FrontIntensities
-from pdpost.measures.release import EnergyRelease
-from pdpost.measures.stress_intensities import TipIntensityHistory
-from pdpost.reading.frame_steps import time_text
+from pdsolve.measures.cracked_nodes import damage_without_pre_cracks_at
+from pdsolve.measures.frame_steps import time_text
+from pdsolve.measures.intensities_3d import FrontIntensities
+from pdsolve.measures.release import EnergyRelease
+from pdsolve.measures.stress_intensities import TipIntensityHistory
 from pdsolve.results import Results
 
 MOST_TIPS = 6  # tips with curves

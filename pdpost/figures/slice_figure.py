@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from pdmesh.plain_figure import Figure
 from pdpost.figures.colours import SHARES, Colours, at, caption, colours, mappable, scaled, usual
-from pdpost.measures.slices import (
+from pdsolve.measures.frame_steps import chosen
+from pdsolve.measures.slices import (
     AXES,
     FieldSlice,
     default_slice_point,
     reliable_field_values,
     slice_field_values_by_plane,
 )
-from pdpost.reading.frame_steps import chosen
 from pdsolve.results import Results
 
 CORNERS = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]])

@@ -16,11 +16,11 @@ from pdpost.figures.colours import scaled, spelled
 from pdpost.figures.crack_figure import on_grey_plate
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import box_of, shape
-from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
-from pdpost.measures.paths import Polyline
-from pdpost.measures.scatter import StudyRunGroup, choose_measures_and_parameter, group_runs_by_parameter
-from pdpost.reading.frame_steps import last_step
+from pdpost.reading.scatter import StudyRunGroup, choose_measures_and_parameter, group_runs_by_parameter
 from pdpost.reading.studies import Read, read, short, value_of
+from pdsolve.measures.cracked_nodes import damage_without_pre_cracks_at
+from pdsolve.measures.frame_steps import last_step
+from pdsolve.measures.paths import Polyline
 from pdsolve.results import Results
 
 WIDE = 0.15  # of the room between two values: how far the dots of several series are set apart

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pdmesh.plain_figure import Figure
 from pdpost.figures.charts import WIDTH, plain
 from pdpost.figures.style import BLUE, VERMILION
-from pdpost.measures.tradeoff import TradeoffPoint, pareto_front
+from pdsolve.measures.tradeoff import TradeoffPoint, pareto_front
 
 LEAST = 1e-6  # errors below are drawn there
 CROWDED = 1.6  # decades of an axis that has names at 1, 10, 100 alone

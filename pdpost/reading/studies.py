@@ -1,6 +1,6 @@
-"""Studies: runs grouped by the varied parameters, and the results that a study stands for.
+"""Studies: runs grouped by the varied parameters, and the results that a study stands for; tables of runs and cracks.
 
-Their table has columns by name; `pandas.DataFrame(table)` accepts it directly, and a notebook shows it.
+A table has columns by name; `pandas.DataFrame(table)` accepts it directly, and a notebook shows it.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from pdmesh.files import FilePath
 from pdmesh.plain_text import for_html
+from pdsolve.measures.crack_summary import crack, path_point_table
+from pdsolve.results import Results
 from pdsolve.study.description import StudyError
 from pdsolve.study.measure_columns import OWN
 from pdsolve.study.table import FINISHED, Column, Row, Table, is_study
@@ -113,6 +115,11 @@ def columns_of(header: Sequence[str], rows: Iterable[Sequence[Any]]) -> TableCol
     """A table of rows as columns: numbers as floats with NaN where missing, anything else as objects."""
     listed = list(rows)
     return TableColumns({name: _array([row[at] for row in listed]) for at, name in enumerate(header)})
+
+
+def crack_table(results: Results) -> TableColumns:
+    """Every point of a run's crack paths as columns: time, place, length, speed. Raises ResultsError."""
+    return columns_of(*path_point_table(crack(results)))
 
 
 def study_table(path: FilePath) -> TableColumns:

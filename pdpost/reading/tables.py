@@ -8,7 +8,7 @@ import msgspec
 
 from pdmesh.model.medium import Medium
 from pdmesh.model.output_fields import UNITS as OF_FIELDS
-from pdpost.reading.embedded_model import read
+from pdsolve.measures.embedded_model import read
 from pdsolve.results import Results
 
 SHOWN = {  # what is in it

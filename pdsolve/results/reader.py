@@ -163,12 +163,6 @@ class Results:
             return f"<Results {self.name}>"
         return f"<Results {self.name}: {nodes} nodes, {len(steps)} frames, {status}>"
 
-    def _repr_png_(self) -> bytes | None:
-        """PNG for a notebook: the last frame, drawn by pdpost; None without a frame."""
-        from pdpost import notebook_png
-
-        return notebook_png(self)
-
     def close(self) -> None:
         """Close the database."""
         for rank_results in self._others:

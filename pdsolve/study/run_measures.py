@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from pdpost import CrackPathSummary, crack, largest_displacement, largest_stretch
+from pdsolve.measures.bond_pairs import largest_displacement, largest_stretch
+from pdsolve.measures.crack_summary import CrackPathSummary, crack
 from pdsolve.results import Results
 from pdsolve.study.measure_columns import measures_of
 

@@ -16,6 +16,7 @@ from PIL import Image
 from pdmesh.__main__ import main as pdmesh
 from pdpost.__main__ import main as pdpost
 from pdpost.figures import field
+from pdpost.figures.field_figure import notebook_png
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import read_model
 from pdsolve.results import Results
@@ -155,7 +156,7 @@ def test_what_is_of_plates_is_refused_in_one_line(
 def test_a_notebook_shows_planes_of_a_body(solved: Path) -> None:
     assert read_model(solved / "body.json")._repr_svg_() is None
     with Results.open(solved / "body.sqlite") as results:
-        assert (results._repr_png_() or b"")[:4] == b"\x89PNG"
+        assert (notebook_png(results) or b"")[:4] == b"\x89PNG"
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from messages import mentions
 from PIL import Image
 
 from pdpost.__main__ import main
-from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
+from pdsolve.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdsolve.results import Results
 
 

@@ -14,7 +14,7 @@ from plates import GEOMETRIES
 
 from pdmesh.__main__ import main as pdmesh
 from pdpost.__main__ import main as pdpost
-from pdpost.figures.field_figure import DPI, field
+from pdpost.figures.field_figure import DPI, field, notebook_png
 from pdpost.figures.style import styled, written
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.results import Results
@@ -124,7 +124,7 @@ def test_a_film_and_a_report_show_what_diffuses(results: Path, tmp_path: Path) -
 @pytest.mark.slow
 def test_a_notebook_shows_the_content(results: Path) -> None:
     with Results.open(results) as found:
-        shown = found._repr_png_()
+        shown = notebook_png(found)
         assert shown is not None
         with styled():
             assert shown == written(field(found, "content"), "png", DPI)

@@ -13,7 +13,7 @@ import pytest
 from pdmesh import Circle, Fatigue, Material, Run, Scene, box, build
 from pdpost.__main__ import main as pdpost
 from pdpost.figures.fatigue_figure import fatigue as figure
-from pdpost.measures.fatigue import FatigueLife, ParisLine, TipFatigueGrowth
+from pdsolve.measures.fatigue import FatigueLife, ParisLine, TipFatigueGrowth
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 

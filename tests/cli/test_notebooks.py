@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from plates import ROOT
 
+import pdpost
 from pdmesh import Circle, Scene, box, build
 from pdpost import crack_table
 from pdpost.reading.studies import columns_of
@@ -57,9 +59,11 @@ def test_a_plate_shows_itself(small_plate: Model) -> None:
 
 @pytest.mark.slow
 def test_results_show_their_last_damage_and_stand_for_themselves(small_results: Path) -> None:
+    formatters = pytest.importorskip("IPython.core.formatters").DisplayFormatter()
+    pdpost.load_ipython_extension(SimpleNamespace(display_formatter=formatters))
     with Results.open(small_results) as results:
         assert repr(results) == f"<Results {small_results}: 252 nodes, 4 frames, finished>"
-        assert (results._repr_png_() or b"")[:4] == b"\x89PNG"
+        assert formatters.format(results)[0]["image/png"].startswith(b"\x89PNG")
     assert repr(results) == f"<Results {small_results}>"  # closed
 
 

@@ -30,8 +30,8 @@ from pdmesh.grid.lattice import build_grid
 from pdmesh.grid.pieces import faces_of, ligaments
 from pdmesh.model.visibility import plate_of
 from pdpost.__main__ import main as pdpost
-from pdpost.measures.cracked_nodes import find_free_pre_crack_tips
 from pdsolve.__main__ import main as pdsolve
+from pdsolve.measures.cracked_nodes import find_free_pre_crack_tips
 from pdsolve.model import ModelNote, ModelWarning
 
 NODES = [

@@ -14,9 +14,9 @@ from messages import mentions, naming
 
 from pdmesh.drawing import parameters
 from pdpost.__main__ import main as pdpost
-from pdpost.measures.tip_surroundings import tip_histories
 from pdsolve.__main__ import main as pdsolve
 from pdsolve.fracture.crack_particles import until
+from pdsolve.measures.tip_surroundings import tip_histories
 from pdsolve.results import Results
 from pdsolve.results.errors import DamagedError
 

@@ -21,7 +21,7 @@ from tampered_databases import tampered
 from pdpost.__main__ import main
 from pdpost.commands import pictures
 from pdpost.figures import frames_figure, style
-from pdpost.measures.fields import FIELDS
+from pdsolve.measures.fields import FIELDS
 from pdsolve.results import Families, Nodes, Results, Writer
 
 PICTURES = ("damage", "displacement", "velocity", "strain", "stress", "nodes", "bonds")
@@ -170,7 +170,7 @@ def test_a_window_in_a_hole_shows_nothing(
     """It is within the plate's bounds: its picture was empty, with exit code 0."""
     import shapely
 
-    from pdpost.measures import plate_geometry
+    from pdsolve.measures import plate_geometry
 
     ring = shapely.difference(shapely.box(0, -0.006, 0.02, 0.006), shapely.box(0.005, -0.003, 0.015, 0.003))
     holed = plate_geometry.PlateGeometry((), np.zeros((0, 2, 2)), ring, False, False)

@@ -17,8 +17,8 @@ from plates import plate, square_grid
 from benchmarks.specimens import Case, edge
 from pdmesh.model.document import Horizon, Load, Run
 from pdpost.__main__ import main
-from pdpost.measures.stress_intensities import _no_room_reason, follow_tip_intensities
-from pdpost.measures.tip_surroundings import TipPosition, UndisturbedRoom
+from pdsolve.measures.stress_intensities import _no_room_reason, follow_tip_intensities
+from pdsolve.measures.tip_surroundings import TipPosition, UndisturbedRoom
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate
 

@@ -81,7 +81,7 @@ def test_a_front_in_a_body_that_yields_has_J_alone(
     """J is by the work of the stress, which is 0 here; K has no meaning."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(
-        "pdpost.measures.intensities_3d.stress_work_if_yielded",
+        "pdsolve.measures.intensities_3d.stress_work_if_yielded",
         lambda results, step: np.zeros(len(results.nodes(step).ids)),
     )
     assert main(["sif", str(block_of), "--json"]) == 0

@@ -23,7 +23,7 @@ from pdmesh.model.document import Load, Run, write_file
 from pdmesh.model.node_grid import document_of
 from pdpost.__main__ import main as pdpost
 from pdpost.figures.study_figure import study
-from pdpost.measures.scatter import choose_measures_and_parameter
+from pdpost.reading.scatter import choose_measures_and_parameter
 from pdpost.reading.studies import Read
 from pdsolve.__main__ import main
 from pdsolve.model import ModelError

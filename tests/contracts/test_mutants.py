@@ -23,7 +23,7 @@ def test_none_is_out_of_date(mutant: object) -> None:
 @pytest.mark.parametrize(
     ("file", "line", "becomes", "same"),
     [
-        ("pdpost/measures/balance.py", "+ through", "- through", True),
+        ("pdsolve/measures/balance.py", "+ through", "- through", True),
         ("pdsolve/laws/pair.py", "* bond.stretch\n", "/ bond.stretch\n", False),  # compiled, and unmarked
         ("pdsolve/operators/bond_list_loops.py", "m[i] = 0", "m[i] = 1", False),
         (

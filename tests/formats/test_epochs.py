@@ -16,9 +16,9 @@ from messages import naming
 from numpy.typing import NDArray
 from splitting_clouds import Moving, marched, torn_plate
 
-from pdpost.measures.bond_pairs import read_bond_pairs
-from pdpost.measures.cracked_nodes import damage_with_pre_cracks_at
-from pdpost.measures.strain import families_without_broken_bonds
+from pdsolve.measures.bond_pairs import read_bond_pairs
+from pdsolve.measures.cracked_nodes import damage_with_pre_cracks_at
+from pdsolve.measures.strain import families_without_broken_bonds
 from pdsolve.model import Model
 from pdsolve.results import DamagedError, Results, ResultsError
 from pdsolve.run.measures import compute_node_damage

@@ -12,7 +12,7 @@ from database_contents import contents, kill_when
 from messages import naming
 from zoned_plates import struck
 
-from pdpost.measures.cracked_nodes import damage_with_pre_cracks_at
+from pdsolve.measures.cracked_nodes import damage_with_pre_cracks_at
 from pdsolve.results import Results, writer
 from pdsolve.run.simulation import Options, Progress, StepBatchTimer, resume, simulate
 

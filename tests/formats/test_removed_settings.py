@@ -11,8 +11,8 @@ from tampered_databases import tampered
 from pdmesh.model.document import Hybrid, write_file
 from pdmesh.model.node_grid import document_of
 from pdpost.__main__ import main as pdpost
-from pdpost.reading.embedded_model import model_text, run_of
 from pdsolve.__main__ import main as pdsolve
+from pdsolve.measures.embedded_model import model_text, run_of
 from pdsolve.model import Model
 from pdsolve.results import Results
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 from plates import shipped
 
-from pdpost.measures.forces import (
+from pdsolve.measures.forces import (
     force_over_gap_opening,
     read_condition_force_histories,
     read_named_gap,
     select_condition_force_histories,
 )
-from pdpost.measures.stress_intensities import follow_tip_intensities
+from pdsolve.measures.stress_intensities import follow_tip_intensities
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, resume, simulate

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from plates import shipped
 
-from pdpost.measures.crack_3d import crack_3d
-from pdpost.measures.fragments import node_masses
+from pdsolve.measures.crack_3d import crack_3d
+from pdsolve.measures.fragments import node_masses
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate

@@ -12,8 +12,8 @@ from messages import mentions
 from mirror_images import mirrored
 from plates import shipped
 
-from pdpost.measures.crack_summary import CrackPathSummary, crack, summary_sentences
-from pdpost.measures.paths import LONG
+from pdsolve.measures.crack_summary import CrackPathSummary, crack, summary_sentences
+from pdsolve.measures.paths import LONG
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pdpost.measures.cracks import find_crack_events
+from pdsolve.measures.cracks import find_crack_events
 from pdsolve.results import Results
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from plates import shipped
 
-from pdpost.measures.fields import all_field_components
+from pdsolve.measures.fields import all_field_components
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 

@@ -11,7 +11,7 @@ import pytest
 from plates import shipped
 
 from pdpost import crack
-from pdpost.measures.stress_intensities import follow_tip_intensities
+from pdsolve.measures.stress_intensities import follow_tip_intensities
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate

@@ -9,8 +9,8 @@ import pytest
 from plates import GEOMETRIES
 
 from pdmesh.__main__ import main as pdmesh
-from pdpost.measures.crack_3d import crack_3d
 from pdsolve.__main__ import main as pdsolve
+from pdsolve.measures.crack_3d import crack_3d
 from pdsolve.results import Results
 
 

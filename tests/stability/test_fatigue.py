@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from plates import shipped
 
 from pdmesh.model.document import Fatigue, Material, ParticleRules
-from pdpost.measures.fatigue import cycles_after_steps
+from pdsolve.measures.fatigue import cycles_after_steps
 from pdsolve.model import Model
 from pdsolve.rest.paris import ParisSteps
 from pdsolve.run.simulation import Options, simulate

@@ -9,7 +9,7 @@ import pytest
 from scipy.special import erf, erfcx
 
 from pdmesh import Heat, Material, Medium, Run, Scene, box, build
-from pdpost.measures import fields
+from pdsolve.measures import fields
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 

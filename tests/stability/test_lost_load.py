@@ -14,7 +14,7 @@ from system_checks import bonds_of, equilibrium, sources
 from benchmarks.specimens import PULL, STATIC, edge_shape
 from pdmesh import Scene, box, build
 from pdmesh.model.document import Load, Material, Run
-from pdpost.measures.stress_intensities import follow_tip_intensities
+from pdsolve.measures.stress_intensities import follow_tip_intensities
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare

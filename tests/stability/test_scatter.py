@@ -18,9 +18,9 @@ from plates import plate, struck_plate
 
 from pdmesh.model.document import Load, Material, Run
 from pdmesh.model.node_grid import Grid
-from pdpost.measures.cracked_nodes import first_cracked_step_of_nodes
-from pdpost.measures.directions import measure_initial_directions
-from pdpost.measures.tips import crack_branches
+from pdsolve.measures.cracked_nodes import first_cracked_step_of_nodes
+from pdsolve.measures.directions import measure_initial_directions
+from pdsolve.measures.tips import crack_branches
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.results import Results

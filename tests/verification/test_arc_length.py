@@ -14,7 +14,7 @@ from plates import plate
 
 from pdmesh.model.document import Displacement, Load, Material, Run, Static
 from pdmesh.model.node_grid import Grid
-from pdpost.measures.forces import read_condition_force_histories, select_condition_force_histories
+from pdsolve.measures.forces import read_condition_force_histories, select_condition_force_histories
 from pdsolve.model import Model
 from pdsolve.rest.arc_length import ArcLengthSteps
 from pdsolve.run.prepare import prepare

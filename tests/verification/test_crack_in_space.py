@@ -21,8 +21,8 @@ from PIL import Image
 
 from pdmesh.__main__ import main as pdmesh
 from pdpost.__main__ import main as pdpost
-from pdpost.measures.fragments import node_masses
 from pdsolve.__main__ import main as pdsolve
+from pdsolve.measures.fragments import node_masses
 from pdsolve.results import Results
 
 SCENE = """

@@ -15,7 +15,7 @@ from shapely import Point
 
 from pdmesh import Material, Run, Scene, Static, box, build, ramp
 from pdmesh.model.document import ParticleRules
-from pdpost.measures.forces import (
+from pdsolve.measures.forces import (
     force_over_gap_opening,
     read_condition_force_histories,
     read_named_gap,

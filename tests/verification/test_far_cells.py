@@ -14,8 +14,8 @@ from plates import GLASS, plate
 from zoned_plates import H, pulse, rectangle, slope, zoned
 
 from pdmesh.model.document import Load, Run
-from pdpost.measures.cracked_nodes import damage_with_pre_cracks_at
 from pdsolve.adaptivity.hybrid import far_cells
+from pdsolve.measures.cracked_nodes import damage_with_pre_cracks_at
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options

@@ -14,7 +14,7 @@ from plates import plate, shipped, square_grid
 
 from pdmesh import Scene, box, build
 from pdmesh.model.document import Displacement, Fatigue, Load, Material, Run
-from pdpost.measures.fatigue import TipFatigueGrowth, effective_dK_between_frames, fit_paris_line, measure_tip_growths
+from pdsolve.measures.fatigue import TipFatigueGrowth, effective_dK_between_frames, fit_paris_line, measure_tip_growths
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, resume, simulate

@@ -16,7 +16,7 @@ from plates import shipped
 
 from pdmesh import Circle, Fatigue, Material, Run, Scene, box, build
 from pdmesh.model.document import Cycled, ParticleRules
-from pdpost.measures.fatigue import (
+from pdsolve.measures.fatigue import (
     TipFatigueGrowth,
     fit_paris_line,
     growth_per_cycle_and_dK_past_slow_start,

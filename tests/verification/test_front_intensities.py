@@ -14,7 +14,7 @@ import sneddon
 from prescribed_results import results_of
 
 from pdmesh import Body, Box, Material, Run, build
-from pdpost.measures.intensities_3d import FrontIntensities, compute_front_intensities
+from pdsolve.measures.intensities_3d import FrontIntensities, compute_front_intensities
 from pdsolve.model import Model
 from pdsolve.results import Families, Nodes
 from pdsolve.run.simulation import Options, simulate

@@ -10,7 +10,7 @@ import pytest
 from plates import plate, square_grid
 
 from pdmesh.model.document import Load, Run
-from pdpost.measures.cracks import find_crack_events
+from pdsolve.measures.cracks import find_crack_events
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 

@@ -16,15 +16,15 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Displacement, Gap, LoadCell, Material, Run, Static, write_file
 from pdmesh.model.node_grid import document_of
-from pdpost.measures.forces import (
+from pdsolve.__main__ import main as pdsolve
+from pdsolve.estimate import estimate_run
+from pdsolve.measures.forces import (
     ForceOpeningCurve,
     force_over_gap_opening,
     read_condition_force_histories,
     read_named_gap,
     select_condition_force_histories,
 )
-from pdsolve.__main__ import main as pdsolve
-from pdsolve.estimate import estimate_run
 from pdsolve.model import Model, ModelWarning
 from pdsolve.rest.controls import OpeningControl
 from pdsolve.rest.equilibrium import NotConvergedError

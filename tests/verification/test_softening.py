@@ -15,7 +15,7 @@ from pdmesh import Scene, build, ramp
 from pdmesh.model.document import Displacement, Material, Region, Run, Static, Velocity
 from pdmesh.model.material_constants import dimension_of
 from pdmesh.model.node_grid import Grid
-from pdpost.reading.frame_steps import vector
+from pdsolve.measures.frame_steps import vector
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.measures import compute_energy_balance_row

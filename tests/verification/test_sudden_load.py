@@ -10,8 +10,8 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Displacement, Load, Material, Run
 from pdmesh.model.material_constants import BONDS_NU, pressure_speed
-from pdpost.measures.stress_intensities import TipIntensityHistory, follow_tip_intensities
 from pdsolve.fracture.domain_integrals import Ring
+from pdsolve.measures.stress_intensities import TipIntensityHistory, follow_tip_intensities
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 

@@ -15,7 +15,7 @@ import pytest
 import pdmesh
 from benchmarks.tear import GLASS, TIME, cut, plate, torn
 from pdmesh.model.document import InitialDisplacement, InitialVelocity, Material, Run
-from pdpost.measures.tips import crack_branches, find_forks
+from pdsolve.measures.tips import crack_branches, find_forks
 from pdsolve.model import Model, read_model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare

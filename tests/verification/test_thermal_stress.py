@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pdmesh import Circle, Material, Medium, Run, Scene, box, build
-from pdpost.measures.fields import all_field_components
-from pdpost.reading.embedded_model import expect_mechanics
+from pdsolve.measures.embedded_model import expect_mechanics
+from pdsolve.measures.fields import all_field_components
 from pdsolve.model import Model
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.simulation import Options, simulate

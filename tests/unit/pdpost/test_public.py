@@ -9,7 +9,7 @@ import pytest
 
 from pdpost import Results, crack, figures
 from pdpost.__main__ import main
-from pdpost.measures.crack_summary import CrackPathSummary
+from pdsolve.measures.crack_summary import CrackPathSummary
 
 
 def test_all_of_it_at_once() -> None:

@@ -25,9 +25,9 @@ from pdmesh.model.possible import impossible
 from pdmesh.quantities import UNITS
 from pdpost.__main__ import main as show_command
 from pdpost.figures.page import report
-from pdpost.measures.balance import energy_loss_warnings
 from pdsolve.__main__ import main as solve_command
 from pdsolve.adaptivity.collocation import operator as operator_module
+from pdsolve.measures.balance import energy_loss_warnings
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Results
 from pdsolve.run.prepare import prepare

@@ -17,12 +17,12 @@ from messages import mentions, naming
 from pdmesh.model.document import Displacement, Load, ParticleRules, Run, Static
 from pdmesh.model.material_constants import poisson, rayleigh_speed
 from pdmesh.model.visibility import Sight
-from pdpost.measures.cracks import find_crack_events
 from pdsolve.crack_growth.criteria import ANGLES, Verdict, _maxima, by_stress
 from pdsolve.crack_growth.growth import every_of
 from pdsolve.crack_growth.tips import CrackedPlate, tips_of
 from pdsolve.fracture.crack_particles import arms, until
 from pdsolve.fracture.domain_integrals import Ring, Sampled
+from pdsolve.measures.cracks import find_crack_events
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.bond_list import BondList
 from pdsolve.results import Results

@@ -17,7 +17,7 @@ from tampered_databases import tampered
 from pdpost.__main__ import main
 from pdpost.exports import frame_files
 from pdpost.exports.frame_files import ExportError
-from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
+from pdsolve.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdsolve.results import Results, ResultsError
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pdpost.__main__ import main
-from pdpost.measures import fields
+from pdsolve.measures import fields
 from pdsolve.results import Results
 
 

@@ -31,11 +31,11 @@ from pdpost.figures import (
 )
 from pdpost.figures.colours import prefixed
 from pdpost.figures.style import FigureError
-from pdpost.measures import crack_summary, plate_geometry
-from pdpost.measures.bond_pairs import read_bond_pairs
-from pdpost.measures.cracked_nodes import damage_without_pre_cracks_at
-from pdpost.measures.fields import FIELDS, FieldError
-from pdpost.measures.tips import crack_branches
+from pdsolve.measures import crack_summary, plate_geometry
+from pdsolve.measures.bond_pairs import read_bond_pairs
+from pdsolve.measures.cracked_nodes import damage_without_pre_cracks_at
+from pdsolve.measures.fields import FIELDS, FieldError
+from pdsolve.measures.tips import crack_branches
 from pdsolve.results import Breaks, Families, FrameRecord, Results, ResultsError, Writer
 from pdsolve.run.measures import EnergyBalanceRow
 

@@ -12,7 +12,7 @@ from tampered_databases import tampered
 from pdpost.figures.crack_figure import crack
 from pdpost.figures.page import report
 from pdpost.figures.scene_figure import acted_on, scene
-from pdpost.measures import crack_summary
+from pdsolve.measures import crack_summary
 from pdsolve.results import Results
 
 
@@ -62,7 +62,7 @@ def test_plates_of_many_nodes_are_images(small_results: Path, monkeypatch: pytes
         for draw in (lambda: crack(results, found), lambda: scene(results, model)):
             one_by_one = draw().axes[0]
             with monkeypatch.context() as patch:
-                patch.setattr("pdpost.measures.plate_geometry.MANY", 100)
+                patch.setattr("pdsolve.measures.plate_geometry.MANY", 100)
                 image = draw().axes[0]
             assert len(one_by_one.images) == 0
             assert len(image.images) == 1

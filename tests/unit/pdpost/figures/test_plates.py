@@ -19,8 +19,8 @@ from pdmesh.model.document import write_file
 from pdmesh.model.node_grid import document_of
 from pdpost.figures import bond_figure, crack_figure, field_figure, scene_figure, sheets
 from pdpost.figures.scene_figure import scene
-from pdpost.measures import plate_geometry
-from pdpost.measures.plate_geometry import clipped_voronoi_cells, expect_same_plate, read_plate_geometry
+from pdsolve.measures import plate_geometry
+from pdsolve.measures.plate_geometry import clipped_voronoi_cells, expect_same_plate, read_plate_geometry
 from pdsolve.model import read_model
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.simulation import simulate

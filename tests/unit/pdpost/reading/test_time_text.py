@@ -13,11 +13,11 @@ from plates import GLASS
 from pdmesh import Run, Scene, Static, box, build
 from pdpost import figures
 from pdpost.figures.colours import scaled, title
-from pdpost.measures.crack_summary import crack, summary_for_json, summary_sentences
-from pdpost.measures.cracks import CrackEvent
-from pdpost.reading.embedded_model import moment
-from pdpost.reading.frame_steps import time_text
 from pdsolve.__main__ import main as pdsolve
+from pdsolve.measures.crack_summary import crack, summary_for_json, summary_sentences
+from pdsolve.measures.cracks import CrackEvent
+from pdsolve.measures.embedded_model import moment
+from pdsolve.measures.frame_steps import time_text
 from pdsolve.results import Results
 
 

@@ -15,10 +15,10 @@ from scipy.optimize import brentq
 from pdmesh import Body, Box, Heat, Material, Medium, Run, Scene, box, build
 from pdmesh.model.document import Concentration, Exchange
 from pdmesh.scene.solids import Sheet
-from pdpost.measures import fields
 from pdsolve.diffusion.edges import beside_edge, outward, parts
 from pdsolve.diffusion.system import prepare
 from pdsolve.diffusion.walls import Bonds
+from pdsolve.measures import fields
 from pdsolve.model import Model
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, simulate
