@@ -24,8 +24,8 @@ from pdsolve.model import Model, counted
 from pdsolve.numerics.memory import aligned
 from pdsolve.operators.stiffness_damping import damped_stable_time_step
 from pdsolve.options import Options, threads_of
-from pdsolve.rest.continuation import CRACK_STEPS
 from pdsolve.rest.newton import FACTORED
+from pdsolve.rest.path import CRACK_STEPS
 from pdsolve.rest.static_loads import (
     uses_arc_length_control,
     uses_crack_length_control,

@@ -1,8 +1,9 @@
-"""Places on an equilibrium path, and what grows in prescribed steps along it: energy spent, or a monitored opening."""
+"""Places on an equilibrium path, its loads, and what grows in prescribed steps along it: energy spent, a monitored
+opening, or the arc length."""
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,6 +21,23 @@ class PathPoint(NamedTuple):
     energy_or_arc_length: float  # J/m that bonds have dissipated, or m along the path
 
 
+class ProportionalLoads(NamedTuple):
+    """Loads and prescribed displacements (n, w) that grow with one factor."""
+
+    constrained: NDArray[np.bool_]
+    constant_part: Array  # N/m, and m where held, at lambda = 0
+    proportional_part: Array  # of it, from lambda = 0 to 1
+
+    def loads_and_displacements_at(self, load_factor: float) -> Array:
+        """Forces, N/m, and places, m."""
+        return self.constant_part + load_factor * self.proportional_part
+
+    @property
+    def prescribed_growth(self) -> Array:
+        """Ways (n, w), m, of what is held from lambda = 0 to 1; 0 of what is free."""
+        return np.where(self.constrained, self.proportional_part, 0.0)
+
+
 PathSolution = tuple[PathPoint, int, float]  # a place on the path, iterations and residual
 
 
@@ -32,7 +50,7 @@ class PathControl(Protocol):
     def control_value(self, displacement: Array, dissipated_energy: float) -> float:
         """The quantity at these displacements, where bonds have spent so much, J/m."""
 
-    def gradient_by_displacement(self, displacement: Array, response: Response) -> Array:
+    def gradient_by_displacement(self, displacement: Array, response: Any) -> Array:
         """Derivative (n, d) of the quantity by the displacements."""
 
 
@@ -78,3 +96,21 @@ class OpeningControl:
         out[self._other, : len(way)] = way / np.sqrt((way**2).sum())
         out[self._one] = -out[self._other]
         return out
+
+
+class ArcLengthControl:
+    """The way along the path, m: in planes normal to its tangent (E. Riks, Int. J. Solids Struct. 15 (1979) 529)."""
+
+    unit, description = "m", "the path has gone"
+
+    def __init__(self, tangent: Array) -> None:
+        """`tangent` (n, w) is a unit vector."""
+        self._tangent = tangent
+
+    def control_value(self, displacement: Array, dissipated_energy: float) -> float:
+        """The displacements' component along the tangent, m."""
+        return float((self._tangent * displacement).sum())
+
+    def gradient_by_displacement(self, displacement: Array, response: Any) -> Array:
+        """The tangent (n, w)."""
+        return self._tangent

@@ -49,8 +49,8 @@ class CrackLengthSteps(PathStepper):
     def __init__(
         self, model: Model, operator: Operator, drive: Drive, area: Array, load_steps: LoadSteps, growth: CrackGrowth
     ) -> None:
-        super().__init__(model, drive, area)
-        self._operator, self._motion, self._cracks = operator, load_steps, growth
+        super().__init__(model, operator, drive, area)
+        self._motion, self._cracks = load_steps, growth
         self.inner = load_steps
         self.description = f"crack length as the control, {load_steps.method.description}"
 
@@ -73,14 +73,11 @@ class CrackLengthSteps(PathStepper):
 
     def _take_path_step(self, state: State, step: int) -> None:
         self._motion.method.discard_reused_tangent()
-        try:
-            path_point = (
-                self._grow_tips_and_rescale_loads(state, step)
-                if self.step_results
-                else self._load_until_first_tip_grows(state, step)
-            )
-        except NotConvergedError as error:
-            raise NotConvergedError(f"{self._model.name}: path step {step}: {error}") from None
+        path_point = (
+            self._grow_tips_and_rescale_loads(state, step)
+            if self.step_results
+            else self._load_until_first_tip_grows(state, step)
+        )
         if path_point is None:
             return
         equilibrium, factor, cost = path_point

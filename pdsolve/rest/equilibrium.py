@@ -26,6 +26,12 @@ ProgressReport = Callable[[int, float], None]  # iterations so far in this go, a
 class NotConvergedError(ArithmeticError):
     """A plate that does not come to rest; the message says how far it came and what to check."""
 
+    iterations = 0  # that were in vain
+
+
+class SingularTangentError(NotConvergedError):
+    """A tangent whose equations have no solution."""
+
 
 class EquilibriumConditions(NamedTuple):
     """Loads and holds of an equilibrium; n nodes."""
@@ -82,10 +88,11 @@ def force_densities(operator: Operator, state: State) -> NDArray[np.float64]:
 
 
 def area_weighted_tangent(operator: Operator, area: NDArray[np.float64], state: State) -> csr_array:
-    """The tangent times the nodes' areas (n w, n w), N/m^2."""
+    """The tangent times the nodes' areas (n w, n w), N/m^2; if it is symmetric, without round-off that is not."""
     from scipy.sparse import diags_array  # SciPy takes long to import, and few runs ask
 
-    return (diags_array(np.repeat(area, state.value.shape[1])) @ operator.tangent(state)).tocsr()
+    matrix = (diags_array(np.repeat(area, state.value.shape[1])) @ operator.tangent(state)).tocsr()
+    return ((matrix + matrix.T) / 2).tocsr() if operator.symmetric else matrix
 
 
 def relative_residual(

@@ -12,19 +12,21 @@ fit into memory, equations are solved by conjugate gradients, or by BiCGStab for
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.operators.protocol import Operator
+from pdsolve.rest.controls import PathPoint, ProportionalLoads
+from pdsolve.rest.corrector import Body, Corrector, OperatorBody, OperatorResponse, Solve, Tangents
 from pdsolve.rest.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
     NotConvergedError,
     ProgressReport,
+    SingularTangentError,
     area_weighted_tangent,
-    force_densities,
     norm,
     reference_stiffness_above_round_off,
     relative_residual,
@@ -39,13 +41,10 @@ Array = NDArray[np.float64]
 
 MOST = 15  # iterations with new tangents; an equilibrium that needs more is too far away
 MOST_FLOWING = 25  # likewise, where nodes flow, which begin to one after the other
-OVERSHOT = 0.5  # of the slope of the energy at the start of a step: with more beyond its least, it is too long
-RUNAWAY = 100  # times the displacements of the first iteration: a body that flows without end
 FACTORED = 60_000  # free components
 FACTORED_IN = {2: FACTORED, 3: 3_000}  # by dimension: in space each has ten times as many neighbours
 NEARLY_LINEAR = 4  # iterations: an equilibrium that took no more leaves its tangent to the next one
 SLOW = 10  # iterations with the factors of the undeformed body: an equilibrium that takes more is far from it
-HALVINGS = 10  # of a step, at most
 PATIENCE = 6  # iterations in which an old tangent must bring the residual down by FALL
 FALL = 0.1
 GROWN = 1e3  # times the least residual so far: a tangent that leads away
@@ -109,7 +108,9 @@ class Newton:
             operator.restore(checkpoint, self._no_bonds_broken)
             undeformed = state._replace(value=np.zeros(state.value.shape))
             try:
-                self._reference = FactorsWithoutBonds(self._tangent(undeformed), free, self._no_bonds_broken)
+                self._reference = FactorsWithoutBonds(
+                    area_weighted_tangent(self._operator, self._area, undeformed), free, self._no_bonds_broken
+                )
             except RuntimeError:
                 self.reference_is_near = False
             finally:
@@ -137,7 +138,8 @@ class Newton:
         if not (self._factored and self._operator.symmetric) or self._floating is not None:
             return 0
         self.discard_reused_tangent()  # whose factors would be there beside these
-        matrix, free = self._tangent(state), ~constrained.ravel()
+        self._reference = None  # and so would those of the undeformed body, which the next load step makes anew
+        matrix, free = area_weighted_tangent(self._operator, self._area, state), ~constrained.ravel()
         return count_negative_eigenvalues(matrix[free][:, free])
 
     def solve_equilibrium(
@@ -151,127 +153,96 @@ class Newton:
         self._before = norm(start)
         if self._inverse is None and self._forces_are_pairwise and self.reference_is_near and self._floating is None:
             self._take_factors_of_reference(state, free)
-        if (state.value != np.where(free, state.value, conditions.prescribed_displacement)).any():
-            free = ~conditions.constrained
-            if self._matrix is None:
-                self._set_up_tangent_solver(state, free)
-            assert self._matrix is not None
-            assert self._inverse is not None
-            way = np.where(free, 0.0, conditions.prescribed_displacement - state.value).ravel()
-            along = -(self._matrix @ way)[free.ravel()]
-            move = way.copy()
-            move[free.ravel()] = self._inverse(along)
-            state.value[:] = np.where(free, state.value + move.reshape(free.shape), conditions.prescribed_displacement)
         if self._factors_in_use is not None and not self._factors_in_use.remove_bonds(self._operator.broken()):
             self.discard_reused_tangent()
-        if self._inverse is not None:
-            equilibrium, done = self._iterate_with_old_tangent(state, conditions, report_progress)
-            if self._factors_in_use is self._reference is not None and (equilibrium is None or done > SLOW):
-                self.discard_reference()
-            if equilibrium is not None:
-                return equilibrium
-        equilibrium, done = self._iterate_with_new_tangents(state, conditions, done, report_progress)
-        if equilibrium is not None:
+        body = OperatorBody(self._operator, self._area, state)
+        if self._inverse is None and (state.value != conditions.prescribed_displacement)[~free].any():
+            self._factorize(self._restrain(body.tangent()), free)  # which is good for more than the way of what is held
+        equilibrium: Equilibrium | None = None
+        try:
+            if self._inverse is not None:
+                equilibrium, done = self._iterate_with_lasting_tangent(body, conditions, report_progress)
+            if equilibrium is None:
+                equilibrium = self._iterate_with_new_tangents(body, conditions, report_progress, done)
             return equilibrium
-        state.value[:] = start
-        self.discard_reused_tangent()
-        loose = "" if self._floating is None else "support the bodies that nothing but contact or --float holds, or "
-        raise NotConvergedError(
-            f"no equilibrium after {done} iterations of {self.description} (tolerance {self._tolerance:g} of the"
-            f" external forces); {loose}take smaller load steps (run.static.load_steps)"
-        )
+        except SingularTangentError:
+            raise
+        except NotConvergedError as error:
+            state.value[:] = start
+            self.discard_reused_tangent()
+            loose = (
+                "support the bodies that nothing but contact or --float holds, or "
+                if self._floating is not None
+                else ""
+            )
+            raise NotConvergedError(
+                f"no equilibrium after {done + error.iterations} iterations of {self.description} (tolerance"
+                f" {self._tolerance:g} of the external forces); {loose}take smaller load steps (run.static.load_steps)"
+            ) from None
+
+    def _iterate_with_lasting_tangent(
+        self, body: OperatorBody, conditions: EquilibriumConditions, report_progress: ProgressReport
+    ) -> tuple[Equilibrium | None, int]:
+        """Iterate with the earlier tangent; returns None where that stalls, and how many iterations there were."""
+        assert self._inverse is not None
+        assert self._matrix is not None
+        lasting, equilibrium = _LastingTangent(body, self._matrix, self._inverse), cast("Equilibrium | None", None)
+        try:
+            equilibrium = self._iterate(body, conditions, lasting, lasting.solve, report_progress, 0)
+            count = equilibrium.iterations
+        except NotConvergedError as error:
+            body.state.value[:], count = lasting.best, error.iterations
+        if self._factors_in_use is self._reference is not None and (equilibrium is None or count > SLOW):
+            self.discard_reference()
+        return equilibrium, count
 
     def _iterate_with_new_tangents(
-        self, state: State, conditions: EquilibriumConditions, iterations_before: int, report_progress: ProgressReport
-    ) -> tuple[Equilibrium | None, int]:
-        """Iterate with a new tangent each time; returns None without rest, and the iterations after those
-        `iterations_before`."""
-        free, usual = ~conditions.constrained, 0.0  # m, norm of displacements after an iteration
-        weight = np.repeat(self._area, free.shape[1])[free.ravel()] if self._operator.symmetric else 1.0
+        self, body: OperatorBody, conditions: EquilibriumConditions, report_progress: ProgressReport, count: int
+    ) -> Equilibrium:
+        """Iterate with a new tangent each time, after `count` iterations. Raises NotConvergedError."""
 
-        def weighted_residual(neighbour_forces: Array) -> Array:
-            return np.asarray(weight * (neighbour_forces + conditions.body_force)[free])
+        def solve(matrix: csr_array, right_sides: Array, guess: Array | None) -> Array:
+            return self._factorize(matrix, ~conditions.constrained)(right_sides[:, 0])[:, None]
 
-        out = force_densities(self._operator, state)
-        residual = relative_residual(state, conditions, out, self._least, self._before)
-        for done in range(iterations_before, iterations_before + self._most + 1):
-            if residual < max(self._tolerance, conditions.sufficient_residual):
-                if done - iterations_before > NEARLY_LINEAR:
-                    self.discard_reused_tangent()
-                return Equilibrium(done, residual, out), done
-            report_progress(done, residual)
-            if done == iterations_before + self._most or not np.isfinite(residual):
-                break
-            self._set_up_tangent_solver(state, free, residual)
-            assert self._inverse is not None
-            pushed = weighted_residual(out)
-            value, step, size = state.value[free], self._inverse(pushed), 1.0
-            for _ in range(HALVINGS):
-                state.value[free] = value + size * step
-                out = force_densities(self._operator, state)
-                new_residual = relative_residual(state, conditions, out, self._least, self._before)
-                if new_residual < residual or (
-                    self._flows and weighted_residual(out) @ step > -OVERSHOT * (pushed @ step)
-                ):
-                    break
-                size /= 2
-            else:
-                break
-            residual = new_residual
-            usual = usual or max(norm(state.value), self._before)
-            if self._flows and norm(state.value) > RUNAWAY * usual:
-                break
-        return None, done
+        tangents = _RestrainedTangents(body, self._most, self._restrain)
+        equilibrium = self._iterate(body, conditions, tangents, solve, report_progress, count)
+        if equilibrium.iterations > count + NEARLY_LINEAR:
+            self.discard_reused_tangent()
+        return equilibrium
 
-    def _iterate_with_old_tangent(
-        self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
-    ) -> tuple[Equilibrium | None, int]:
-        """Iterate with the old tangent until equilibrium or a stall; returns the iterations, too."""
-        assert self._inverse is not None
-        free, weight = ~conditions.constrained, np.repeat(self._area, conditions.constrained.shape[1])
-        inner, least, best_values = free.ravel(), np.inf, state.value.copy()
-        mixed = _AndersonMixing()
-        last: tuple[Array, Array] | None = None
-        milestone, reached, done = np.inf, 0, 0
-        while True:
-            out = force_densities(self._operator, state)
-            residual = relative_residual(state, conditions, out, self._least, self._before)
-            rest = (out + conditions.body_force)[free]
-            if residual < max(self._tolerance, conditions.sufficient_residual):
-                return Equilibrium(done, residual, out), done
-            report_progress(done, residual)
-            if residual < FALL * milestone:
-                milestone, reached = residual, done
-            if not residual < GROWN * least or done - reached >= PATIENCE:
-                break
-            if residual < least:
-                least, best_values = residual, state.value.copy()
-            value = state.value[free]
-            proposed = self._inverse((weight[inner] if self._operator.symmetric else 1.0) * rest)
-            if last is not None:
-                mixed.add_step(value - last[0], proposed - last[1])
-            last = value, proposed
-            state.value[free] = value + mixed.mix_step(proposed)
-            done += 1
-        state.value[:] = best_values
-        return None, done
+    def _iterate(
+        self,
+        body: OperatorBody,
+        conditions: EquilibriumConditions,
+        tangents: Tangents,
+        solve: Solve,
+        report_progress: ProgressReport,
+        iterations_before: int,
+    ) -> Equilibrium:
+        """Iterate from where the body is to equilibrium. Raises NotConvergedError."""
+        constrained, load = conditions.constrained, self._area[:, None] * conditions.body_force
+        at = np.where(constrained, conditions.prescribed_displacement, load)
+        loads = ProportionalLoads(constrained, at, np.zeros_like(at))
 
-    def _set_up_tangent_solver(self, state: State, free: NDArray[np.bool_], residual: float = 1.0) -> None:
-        """Set up the equations of this state. A body that nothing supports is held the less, the smaller the residual
-        is: it turns by its load's own stiffness then, and converges as one that is supported."""
+        def measure(response: OperatorResponse) -> float:
+            return relative_residual(body.state, conditions, response.force_density, self._least, self._before)
+
+        tolerance = max(self._tolerance, conditions.sufficient_residual)
+        corrector = Corrector(body, loads, tolerance, solve, measure, self._flows)
+        _, count, residual = corrector.find_equilibrium(
+            PathPoint(body.state.value.copy(), 1.0, 0.0),
+            None,
+            lambda iteration, left: report_progress(iterations_before + iteration, left),
+            tangents,
+        )
+        return Equilibrium(iterations_before + count, residual, body.force_density)
+
+    def _factorize(self, matrix: csr_array, free: NDArray[np.bool_]) -> Callable[[Array], Array]:
+        """Set up the equations of the free components (n, w) of this matrix, N/m^2; returns what solves them."""
         from scipy.sparse import diags_array  # SciPy takes long to import, and few runs ask
         from scipy.sparse.linalg import bicgstab, cg
 
-        symmetric = self._operator.symmetric
-        matrix = self._matrix = self._tangent(state)
-        if self._floating is not None and self._floating.any():
-            soft = (
-                SOFT
-                * min(max(residual, SOFTEST), 1.0)
-                * float(matrix.diagonal().max())
-                * np.repeat(self._floating, free.shape[1])
-            )
-            matrix = (matrix + diags_array(soft)).tocsr()
+        symmetric, self._matrix = self._operator.symmetric, matrix
         inner = matrix[free.ravel()][:, free.ravel()]
         if not self._factored:
             diagonal = inner.diagonal()
@@ -280,7 +251,7 @@ class Newton:
             self._inverse = lambda right_side: np.asarray(
                 method(inner, right_side, rtol=INNER, maxiter=INNER_MOST, M=light)[0]
             )
-            return
+            return self._inverse
         try:
             if self._forces_are_pairwise:
                 self._factors_in_use = FactorsWithoutBonds(matrix, free, self._operator.broken())
@@ -288,43 +259,82 @@ class Newton:
             else:
                 self._inverse = factorize(inner, symmetric)
         except RuntimeError:
-            raise NotConvergedError(
+            raise SingularTangentError(
                 "a body is free to move in its own plane without a force; add supports, or use run.static.floating"
                 " (--float)"
             ) from None
+        return self._inverse
 
-    def _tangent(self, state: State) -> csr_array:
-        """The tangent; if it is symmetric, times the nodes' areas, N/m^2, without round-off that is not."""
-        if not self._operator.symmetric:
-            return self._operator.tangent(state).tocsr()
-        matrix = area_weighted_tangent(self._operator, self._area, state)
-        return ((matrix + matrix.T) / 2).tocsr()
+    def _restrain(self, matrix: csr_array, residual: float = 1.0) -> csr_array:
+        """The matrix with the weak springs of what nothing supports: the weaker, the smaller the residual is, so that
+        it turns by its load's own stiffness then, and converges as what is supported."""
+        if self._floating is None or not self._floating.any():
+            return matrix
+        from scipy.sparse import diags_array
+
+        softness = SOFT * min(max(residual, SOFTEST), 1.0) * float(matrix.diagonal().max())
+        width = matrix.shape[0] // len(self._floating)
+        return (matrix + diags_array(softness * np.repeat(self._floating, width))).tocsr()
 
 
-class _AndersonMixing:
-    """Steps that are mixed to minimize the next proposal (D. G. Anderson), `MIXED` at most."""
+class _RestrainedTangents(Tangents):
+    """Tangents with the weak springs of what nothing supports."""
 
-    def __init__(self) -> None:
+    def __init__(self, body: Body, most: int, restrain: Callable[[csr_array, float], csr_array]) -> None:
+        super().__init__(body, most, most)
+        self._restrain = restrain
+
+    def matrix(self, response: OperatorResponse, iteration: int, residual: float) -> csr_array:
+        """The tangent with these springs."""
+        return self._restrain(self.body.tangent(response), residual)
+
+
+class _LastingTangent(Tangents):
+    """An earlier tangent, whose steps are mixed to minimize the next one (D. G. Anderson), until that stalls."""
+
+    halves_steps = False
+
+    def __init__(self, body: OperatorBody, matrix: csr_array, inverse: Callable[[Array], Array]) -> None:
+        super().__init__(body)
+        self._body, self._matrix, self._inverse, self.best = body, matrix, inverse, body.state.value.copy()
+        self._least, self._milestone, self._reached = np.inf, np.inf, 0
+        self._last: tuple[Array, Array] | None = None  # step, and what the tangent had proposed
         self._moves: list[Array] = []  # changes (k,) of values, and of values with what the tangent proposes, and
-        self._changes: list[Array] = []  # of the latter alone
+        self._changes: list[Array] = []  # of the latter alone; `MIXED` at most
         self._products = np.zeros((0, 0))  # of these changes with each other
 
-    def add_step(self, iterate_change: Array, proposed_step_change: Array) -> None:
-        """Take another step, from the last value to this one."""
-        size = float(np.sqrt(proposed_step_change @ proposed_step_change)) or 1.0  # so that all are as large
-        self._moves = [*self._moves[1 - MIXED :], (iterate_change + proposed_step_change) / size]
-        self._changes = [*self._changes[1 - MIXED :], proposed_step_change / size]
+    def goes_on(self, iteration: int, residual: float, residual_before: float) -> bool:
+        """Whether the residual has fallen lately."""
+        if residual < FALL * self._milestone:
+            self._milestone, self._reached = residual, iteration
+        if not residual < GROWN * self._least or iteration - self._reached >= PATIENCE:
+            return False
+        if residual < self._least:
+            self._least, self.best = residual, self._body.state.value.copy()
+        return True
+
+    def matrix(self, response: OperatorResponse, iteration: int, residual: float) -> csr_array:
+        """The earlier tangent."""
+        return self._matrix
+
+    def solve(self, matrix: csr_array, right_sides: Array, guess: Array | None) -> Array:
+        """The step (k, 1) to take: what the tangent proposes, mixed with earlier steps."""
+        proposed = self._inverse(right_sides[:, 0])
+        step = proposed.copy()
+        if self._last is not None:
+            self._add_change(self._last[0], proposed - self._last[1])
+            right = np.array([proposed @ earlier_change for earlier_change in self._changes])
+            shares = np.linalg.lstsq(self._products, right, rcond=ALIKE)[0]
+            for share, move in zip(shares.tolist(), self._moves, strict=True):
+                step -= share * move
+        self._last = step, proposed
+        return step[:, None]
+
+    def _add_change(self, step: Array, proposed_change: Array) -> None:
+        """Add the change of what is proposed after a step."""
+        size = float(np.sqrt(proposed_change @ proposed_change)) or 1.0  # so that all are as large
+        self._moves = [*self._moves[1 - MIXED :], (step + proposed_change) / size]
+        self._changes = [*self._changes[1 - MIXED :], proposed_change / size]
         last = np.array([self._changes[-1] @ earlier_change for earlier_change in self._changes])
         before = self._products[-(len(last) - 1) :, -(len(last) - 1) :] if len(last) > 1 else self._products[:0, :0]
         self._products = np.block([[before, last[:-1, None]], [last]])
-
-    def mix_step(self, proposed_step: Array) -> Array:
-        """The step to take (k,): the proposed one, mixed with earlier ones."""
-        if not self._changes:
-            return proposed_step
-        right = np.array([proposed_step @ earlier_change for earlier_change in self._changes])
-        share = np.linalg.lstsq(self._products, right, rcond=ALIKE)[0]
-        mixed_step = proposed_step.copy()
-        for part, move in zip(share.tolist(), self._moves, strict=True):
-            mixed_step -= part * move
-        return mixed_step

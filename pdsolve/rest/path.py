@@ -18,14 +18,20 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, put_loads
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelWarning
+from pdsolve.operators.protocol import Operator
+from pdsolve.rest.controls import PathPoint, ProportionalLoads
+from pdsolve.rest.equilibrium import NotConvergedError, ProgressReport
 from pdsolve.rest.load_steps import prescribed_displacements
 from pdsolve.state import Broken, State
-from pdsolve.stepper import Stepper
+from pdsolve.stepper import LoadStepProgress, Stepper
 
 Array = NDArray[np.float64]
 
 PASSED = 0.98  # of the largest load so far: what has fallen below is past its peak
 END = 0.01  # of the largest load: as good as gone
+CRACK_STEPS = 80  # of dissipation in which a crack would go through the body's smallest extent
+COARSEST = 1e-6  # tolerance of residuals: path steps are not solved better
+ALIKE = 3.0  # times: steps of the control that one parabola may go through
 REACHED = "the loads are reached"
 SUMMARY_KEYS = "step", "iterations", "residual", "factor", "pull", "spent"  # of `PathStepResult`, in the results
 
@@ -47,8 +53,8 @@ class PathStepper(Stepper):
     description = ""  # how, for the record
     end_load_share = END  # of the largest load: the path ends there
 
-    def __init__(self, model: Model, drive: Drive, area: Array) -> None:
-        self._model, self._drive, self._area = model, drive, area
+    def __init__(self, model: Model, operator: Operator, drive: Drive, area: Array) -> None:
+        self._model, self._operator, self._drive, self._area = model, operator, drive, area
         self._held: NDArray[np.bool_] = np.zeros(drive.force.shape, dtype=bool)
         self._held[drive.holds.node, drive.holds.axis] = True
         self._start, end = self._loads_and_prescribed_displacements(0.0), self._loads_and_prescribed_displacements(1.0)
@@ -68,8 +74,12 @@ class PathStepper(Stepper):
         """
         self._began = self._began or (clock.monotonic(), self._finished_path_share())
         for step in range(first_step, end_step):
-            if not self.finished:
+            if self.finished:
+                continue
+            try:
                 self._take_path_step(state, step)
+            except NotConvergedError as error:
+                raise NotConvergedError(f"{self._model.name}: path step {step}: {error}") from None
         return self.step_results[-1].step if self.step_results else end_step - 1
 
     def checkpoint_arrays(self) -> dict[str, Array]:
@@ -114,6 +124,13 @@ class PathStepper(Stepper):
         """Take a step, in place. Raises NotConvergedError."""
         raise NotImplementedError
 
+    def _make_progress_callback(self, step: int) -> ProgressReport:
+        def report_iteration(iterations: int, residual: float) -> None:
+            if self.on_progress is not None:
+                self.on_progress(LoadStepProgress(step, iterations, residual, len(self._operator.broken().step)))
+
+        return report_iteration
+
     def _record_step(
         self,
         step: int,
@@ -155,3 +172,65 @@ class PathStepper(Stepper):
         return np.where(
             self._held, prescribed_displacements(self._drive, load_factor), self._area[:, None] * self._drive.force
         )
+
+
+class CorrectedPathSteps(PathStepper):
+    """Path steps whose ends the corrector finds: the last two of them, and the work in between."""
+
+    def __init__(self, model: Model, operator: Operator, drive: Drive, area: Array) -> None:
+        super().__init__(model, operator, drive, area)
+        shape = self._held.shape
+        self._loads = ProportionalLoads(self._held, self._start, self._growth)
+        self._tolerance = max(model.settings.run.static.tolerance, COARSEST)
+        self._largest = 0.0  # N/m, norm of the forces from outside so far: the measure of residuals
+        self._most = self._more = 0.0  # of the control: the measure of steps, and the next one
+        self._last = self._before = PathPoint(np.zeros(shape), 0.0, 0.0)
+        self._pushed = np.zeros(shape), np.zeros(shape)  # loads and reactions there, N/m
+
+    def checkpoint_arrays(self) -> dict[str, Array]:
+        """The path so far, for a checkpoint."""
+        numbers = [*self._last[1:], *self._before[1:], self._more, self._most, self._largest]
+        return super().checkpoint_arrays() | {
+            "path_value": self._last.displacement,
+            "path_before": self._before.displacement,
+            "path_pushed": np.array(self._pushed),
+            "path_numbers": np.array(numbers),
+        }
+
+    def restore(self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken) -> None:
+        """Restore a checkpoint after `step`. Raises CheckpointError."""
+        super().restore(checkpoint, state, step, broken)
+        self._pushed = tuple(entry(checkpoint, "path_pushed", (2, *self._held.shape), float).copy())
+        value, before = (entry(checkpoint, f"path_{name}", self._held.shape, float) for name in ("value", "before"))
+        factor, way, earlier, less, *rest = entry(checkpoint, "path_numbers", (7,), float).tolist()
+        self._last, self._before = PathPoint(value.copy(), factor, way), PathPoint(before.copy(), earlier, less)
+        self._more, self._most, self._largest = rest
+
+    def _go_to(self, new: PathPoint, external_forces: Array, state: State) -> None:
+        """Take over a point of the path with these loads and reactions (n, w), N/m, and book their work."""
+        points, forces = (self._before, self._last, new), (*self._pushed, external_forces)
+        state.work[:] += work_of_last_path_step(points, forces).sum(axis=1) / self._area
+        self._pushed, self._before, self._last = (self._pushed[1], external_forces), self._last, new
+
+
+def work_of_last_path_step(
+    three_points: tuple[PathPoint, PathPoint, PathPoint], external_forces: tuple[Array, Array, Array]
+) -> Array:
+    """Work (n, d), J/m, of forces (n, d) from the second place to the third, all quadratic in the spent energy.
+
+    By Simpson's rule, exact for these; by the trapezoidal rule next to a much longer or shorter step.
+    """
+    (first, last, new), (f0, f1, f2) = three_points, external_forces
+    back = last.energy_or_arc_length - first.energy_or_arc_length
+    ahead = new.energy_or_arc_length - last.energy_or_arc_length
+    if not ALIKE * ahead > back > ahead / ALIKE:
+        return np.asarray((f1 + f2) / 2 * (new.displacement - last.displacement))
+    steep = ahead / back
+    # The bend of a parabola through the three places
+    bend = (new.displacement - last.displacement) - steep * (last.displacement - first.displacement)
+    bow = (f2 - f1) - steep * (f1 - f0)
+    # So that u = u1 + t (u2 - u1) - t (1 - t) bend, t from 0 to 1
+    bend, bow = bend / (1 + 1 / steep), bow / (1 + 1 / steep)
+    way = new.displacement - last.displacement
+    middle = (f1 + f2) / 2 - bow / 4
+    return np.asarray((f1 * (way - bend) + 4 * middle * way + f2 * (way + bend)) / 6)

@@ -13,7 +13,7 @@ from pdmesh.model.selection import components, given_of
 from pdmesh.model.values_of_place import is_of_place
 from pdsolve.conditions import factors
 from pdsolve.model import Model, ModelError, counted
-from pdsolve.rest.continuation import CRACK_STEPS
+from pdsolve.rest.path import CRACK_STEPS
 
 STEPS = 10  # load steps where something varies
 PATH_STEPS = 10  # times those of a crack through the smallest extent: the path is given up

@@ -16,7 +16,8 @@ from pdmesh.model.document import Displacement, Load, Material, Run, Static
 from pdmesh.model.node_grid import Grid
 from pdsolve.measures.forces import read_condition_force_histories, select_condition_force_histories
 from pdsolve.model import Model
-from pdsolve.rest.arc_length import ArcLengthSteps
+from pdsolve.rest.controls import PathPoint
+from pdsolve.rest.corrector import Aim, Corrector
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import NotConvergedError, Options, resume, simulate
 
@@ -142,20 +143,20 @@ def test_prescribed_displacements_reach_their_end_in_few_steps() -> None:
 
 
 def test_an_end_that_is_not_found_halves_the_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    found, failed = ArcLengthSteps._solve_from_guess, []
+    found, failed = Corrector.find_equilibrium, []
 
-    def once(*given: Any) -> Any:
-        if given[-2] is None and not failed:
-            failed.append(given[-1])
+    def once(corrector: Corrector, guess: PathPoint, aim: Aim | None, *given: Any) -> Any:
+        if aim is None and not failed:
+            failed.append(guess.load_factor)
             raise NotConvergedError("no rest")
-        return found(*given)
+        return found(corrector, guess, aim, *given)
 
     with simulate(two_bars(1e3), None, ONE) as results:
         before = results.summary()["path_steps"]
-    monkeypatch.setattr(ArcLengthSteps, "_solve_from_guess", once)
+    monkeypatch.setattr(Corrector, "find_equilibrium", once)
     with simulate(two_bars(1e3), None, ONE) as results:
         rows = results.summary()["path_steps"]
-    assert failed == [before[-1]["step"]]
+    assert failed == [1]
     assert rows[-2]["factor"] < rows[-1]["factor"] == before[-1]["factor"] == 1
 
 

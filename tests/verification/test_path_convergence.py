@@ -39,7 +39,7 @@ def notched(by: str = "displacement", **law: Any) -> Model:
 @pytest.mark.parametrize("law", [{}, {"model": "micropolar", "nu": 0.2}], ids=["springs", "shear"])
 def test_convergence_is_quadratic(law: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
     """Each residual is at most a multiple of the square of the one before, once it is decided which bonds load."""
-    monkeypatch.setattr("pdsolve.rest.continuation.COARSEST", 1e-11)
+    monkeypatch.setattr("pdsolve.rest.path.COARSEST", 1e-11)
     monkeypatch.setattr("pdsolve.rest.continuation.LEFT", 1e-11)
     prepared, found = prepare(notched(**law), ONE), dict[int, list[float]]()
     stepper = prepared.system.stepper
