@@ -284,7 +284,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(START, DISPLACED, FLOW, RATE),
     *excluded(START, MICROPOLAR, use=OTHERS, because=ROTATIONS),
     *excluded(MECHANICS, IMPLICIT),
-    *excluded(STATIC, DAMPING, UNTIL, OWN, HISTORY, SINGLE),
+    *excluded(STATIC, DAMPING, UNTIL, HISTORY, SINGLE),
     *excluded(STATIC, STIFFNESS_DAMPING),
     *excluded(FLOW, SINGLE),
     *excluded(STATIC, START, use="none"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
@@ -9,9 +10,11 @@ from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import BondSource, Part
 from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.model import ModelError
 from pdsolve.state import Broken, State
 
 if TYPE_CHECKING:
+    from pdsolve.laws.law import Pair
     from pdsolve.operators.bond_list import BondList
     from pdsolve.operators.protocol import Operator
 
@@ -46,8 +49,10 @@ class Breakable(NamedTuple):
     xi: NDArray[np.float64]  # (b, d) m
     stiffness: NDArray[np.float64]  # (b,) force density for a unit stretch, N/m^3
     limit: NDArray[np.float64]  # (b,) stretch at which it breaks
+    peak: NDArray[np.float64]  # (b,) the law's other stretch
     intact: NDArray[np.bool_]  # (b,) changes
     strain: NDArray[np.float64]  # (n,) of free nodes, from which bonds stretch; changes
+    bond_strain_energy: Callable[..., NDArray[np.float64]] | None = None  # of `Pair`; None: bonds are linear
 
     def stretches(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
         """Stretches (b,) at these displacements (n, d), without cancellation."""
@@ -76,7 +81,10 @@ class Breakable(NamedTuple):
     ) -> None:
         """Break these bonds (k,), of all with stretches (b,), and book half of what each holds at its own node."""
         length = np.sqrt((self.xi[which] ** 2).sum(axis=1))
-        bond_energy = self.stiffness[which] * length * stretches[which] ** 2 / 4
+        c, s = self.stiffness[which] * length / 4, stretches[which]
+        bond_energy = c * s**2
+        if self.bond_strain_energy is not None:
+            bond_energy = self.bond_strain_energy(None, c, s, np.zeros_like(s), self.peak[which], self.limit[which])
         state.dissipated[:] += np.bincount(self.source[which], bond_energy, minlength=len(self.strain))
         self.intact[which] = False
         new = Broken(np.full(len(which), step), self.source[which], self.target[which])
@@ -160,8 +168,9 @@ class FamilyBonds:
 class StaticBreakage:
     """Makes the bonds of a filling unbreakable, and records those that would break."""
 
-    def __init__(self, filling: BondSource) -> None:
-        self._filling = filling
+    def __init__(self, filling: BondSource, pair: Pair | None = None) -> None:
+        """`pair` is the bonds' law, if they are independent: those of a curve keep it up to its limit."""
+        self._filling, self._pair = filling, pair if pair is not None and pair.is_curved else None
         self._columns: dict[int, tuple[NDArray[Any], ...]] = {}  # by first row, as parts may be filled again
 
     def filling(self) -> BondSource:
@@ -175,7 +184,10 @@ class StaticBreakage:
                 pass
         columns = [np.concatenate(column) for column in zip(*self._columns.values(), strict=True)]
         columns += [np.ones(len(columns[0]), dtype=bool), np.zeros(len(self._filling.area))]
-        return Breakable(*columns) if len(columns[0]) else None
+        if not len(columns[0]):
+            return None
+        breakable = Breakable(*columns)  # type: ignore[arg-type]
+        return breakable if self._pair is None else breakable._replace(bond_strain_energy=self._pair.bond_strain_energy)
 
     def _part(self, rows: NDArray[np.int64]) -> Part:
         part = self._filling.part(rows)
@@ -183,6 +195,19 @@ class StaticBreakage:
         which = np.flatnonzero(np.isfinite(bonds.limit))
         source = bonds.source[which] + part.first
         target = bonds.neighbour[which].astype(np.int64)
-        self._columns[part.first] = (source, target, bonds.xi[which], bonds.stiffness[which], bonds.limit[which])
+        peak, limit = bonds.peak[which].astype(float), bonds.limit[which].astype(float)
+        self._columns[part.first] = (source, target, bonds.xi[which], bonds.stiffness[which], limit, peak)
         for_ever = np.full(len(bonds.limit), np.inf)
-        return part._replace(bonds=bonds._replace(peak=for_ever, limit=for_ever))
+        if self._pair is None:
+            return part._replace(bonds=bonds._replace(peak=for_ever, limit=for_ever))
+        assert self._pair.secant is not None
+        for stretch in (limit / 2, limit):
+            at_limit, for_ever_there = (
+                self._pair.secant(None, stretch, 0 * stretch, peak, end) for end in (limit, for_ever[which])
+            )
+            if not np.allclose(at_limit, for_ever_there, rtol=1e-9, atol=0):
+                raise ModelError(
+                    "material.law: its secant depends on the limit at which bonds break; in load steps use the peak"
+                    " in its place, or declare the softening"
+                )
+        return part._replace(bonds=bonds._replace(limit=for_ever))

@@ -194,3 +194,9 @@ class Law:
     pair: Pair | None = None  # of a law of bonds that know nothing of others; see `pdsolve.laws.pair.pair_law`
     matches_work: bool = True  # of pair laws: bonds that soften or break in a step add `calls.matching_force` to it
     curve: Pair | None = None  # how bonds that are not of `pair` soften by their drive, an equivalent stretch
+
+    @property
+    def softens(self) -> bool:
+        """Whether bonds soften before they break."""
+        curve = self.pair or self.curve
+        return curve is not None and curve.softening is not None

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Assembly
-from pdsolve.laws import law_of
+from pdsolve.laws import law_named, law_of
 from pdsolve.laws.cohesive_micropolar import shear_of
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
@@ -111,3 +111,8 @@ def softening_of(model: Model, assembly: Assembly, contact: RestingContact | Non
     if law.pair is None:
         return SofteningShear(law, assembly, model)
     return SofteningBonds(law, assembly) if contact is None else TouchingBonds(law, assembly, contact)
+
+
+def bonds_soften(model: Model) -> bool:
+    """Whether the laws of a model's materials have bonds that soften before they break."""
+    return any(law_named(material, model.place_of(k))[1].softens for k, material in enumerate(model.materials))

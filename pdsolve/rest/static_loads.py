@@ -13,6 +13,7 @@ from pdmesh.model.selection import components, given_of
 from pdmesh.model.values_of_place import is_of_place
 from pdsolve.conditions import factors
 from pdsolve.model import Model, ModelError, counted
+from pdsolve.operators.softening_shear import bonds_soften
 from pdsolve.rest.path import CRACK_STEPS
 
 STEPS = 10  # load steps where something varies
@@ -49,7 +50,8 @@ def model_with_load_steps(model: Model) -> Model:
 
 def uses_softening_path_control(model: Model) -> bool:
     """Whether bonds soften and break by themselves: then the equilibrium path is followed."""
-    return model.settings.run.cracks == "bonds" and any(softens(material) for material in model.materials)
+    softening = any(softens(material) for material in model.materials)  # or break, of a law of one's own
+    return model.settings.run.cracks == "bonds" and softening and bonds_soften(model)
 
 
 def uses_crack_length_control(model: Model) -> bool:

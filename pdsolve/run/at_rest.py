@@ -58,7 +58,7 @@ def prepare_quasi_static_run(
     of_families = (
         bonds_may_break and law.pair is None and any(material.failure != "none" for material in model.materials)
     )
-    no_fail = StaticBreakage(all_bonds)
+    no_fail = StaticBreakage(all_bonds, law.pair)
     filling = all_bonds if of_families else no_fail.filling()
     options = options._replace(kernel="listed") if of_families else options
     bonds, filled = make_operator(model, options, scheme, filling, bonds_are_unbreakable=not of_families)
