@@ -24,7 +24,6 @@ from pdmesh.model.document import Horizon, Settings
 from pdsolve.model import Model
 from pdsolve.operators.together import unwrap_bond_operator
 from pdsolve.options import Options
-from pdsolve.run.assembly import bond_layout_of_operator
 
 STORED = Path(__file__).with_suffix(".json")
 FLAT = msgspec.structs.replace(GLASS, plane="stress")
@@ -75,7 +74,7 @@ def measured() -> list[dict[str, Any]]:
             "name": name,
             "nodes": len(model.grid),
             "bonds": bonds,
-            "in": bond_layout_of_operator(operator),
+            "in": operator.bond_layout,
             "bytes a bond": operator.bytes() / bonds,
         }
     for name, seconds in least_of_steps(measures, ROUNDS, SAMPLE).items():

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 import msgspec
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pdmesh.model.base_structs import Selection
 from pdmesh.model.document import (
     Absorb,
     Acceleration,
@@ -118,9 +119,17 @@ def _set_free(model: Model, velocity: NDArray[np.float64]) -> None:
             velocity[rows, :d] = rigid_velocities(condition, model.grid.position[rows], model.grid.cells[rows])
 
 
+C = TypeVar("C", bound=Selection)
+
+
 def has_conditions(settings: Settings, *kinds: type) -> bool:
     """Whether there are conditions of one of these kinds."""
     return any(isinstance(condition, kinds) for condition in settings.conditions)
+
+
+def conditions_of(settings: Settings, *kinds: type[C]) -> list[tuple[int, C]]:
+    """The conditions of these kinds, each with its number among all."""
+    return [(number, condition) for number, condition in enumerate(settings.conditions) if isinstance(condition, kinds)]
 
 
 def driving_conditions(model: Model) -> list[tuple[int, Driving]]:

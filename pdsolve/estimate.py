@@ -22,6 +22,7 @@ from pdsolve.diffusion.swelling import cycle_of
 from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
 from pdsolve.numerics.memory import aligned
+from pdsolve.operators.protocol import BondLayout
 from pdsolve.operators.stiffness_damping import damped_stable_time_step
 from pdsolve.options import Options, threads_of
 from pdsolve.rest.newton import FACTORED
@@ -32,8 +33,6 @@ from pdsolve.rest.static_loads import (
     uses_softening_path_control,
 )
 from pdsolve.run.assembly import (
-    BondLayout,
-    bond_layout_of_operator,
     choose_time_step,
     compute_stable_time_step,
     count_bonds_and_compute_stiffness_bound,
@@ -145,7 +144,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     )
     summed: BondLayout = "blocks" if paired and model.grid.dimension == 2 and (moves or not model.swells) else "listed"
     if prepared is not None and not moves:
-        summed = bond_layout_of_operator(prepared.operator) if paired and summed == "listed" else summed
+        summed = prepared.operator.bond_layout if paired and summed == "listed" else summed
         count, family = prepared.initial_bond_counts, prepared.family_sizes
         bound = compute_stable_time_step(model, prepared.operator)
         step = choose_time_step(model, bound)
@@ -161,7 +160,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         if system.coupled_runs and settings.run.solver != "static":
             content_step = system.coupled_runs[0].system.stable_time_step
             cycle = cycle_of(settings.run, system.time_step, content_step)
-        summed = bond_layout_of_operator(system.operator) if paired and summed == "listed" else summed
+        summed = system.operator.bond_layout if paired and summed == "listed" else summed
         count, family, settings = system.initial_bond_counts, system.family_sizes, system.model.settings
         bound, step = system.stable_time_step, system.time_step
         along_path = settings.run.solver == "static" and any(control(model) for control in PATH_CONTROLS)

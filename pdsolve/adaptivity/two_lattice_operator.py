@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.model import Model
-from pdsolve.operators.protocol import CheckpointArrays, Operator
+from pdsolve.operators.protocol import BondLayout, CheckpointArrays, Motion, Operator
 from pdsolve.state import Broken, State, Unknown, zero_state
 from pdsolve.stepper import Stepper
 
@@ -67,6 +67,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
     name: str
     unknowns: tuple[Unknown, ...] = (Unknown("u", 2, 2),)
     symmetric: bool
+    bond_layout: BondLayout = "listed"
     engine: N
     places: NDArray[np.int64]  # (n,)
 
@@ -153,6 +154,17 @@ class TwoLatticeOperator(ABC, Generic[N]):
         nodes = len(self.places)
         rows = abs(self.tangent(zero_state(nodes, 2))).sum(axis=1)
         return np.asarray(rows.reshape(nodes, 2).max(axis=1) / 2, dtype=np.float64)
+
+    def intact_stiffness_bound(self) -> NDArray[np.float64]:
+        """A bound (n,), N/m^4; bonds that broke are none of the tangent's."""
+        return self.stiffness_bound()
+
+    def march(self, motion: Motion) -> Stepper | None:
+        """Steps of both lattices, which have the motion and its conditions."""
+        return TwoLatticeStepper(self)
+
+    def update_history(self, state: State) -> None:
+        """Nothing: no node remembers strain."""
 
     def checkpoint_arrays(self) -> CheckpointArrays:
         """Arrays of the two lattices for a checkpoint."""

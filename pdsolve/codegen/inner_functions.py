@@ -11,11 +11,17 @@ from functools import wraps
 from itertools import count
 from typing import Any
 
+from numba import types
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.extending import overload
 
 _numbers = count()
+
+
+def is_none(numba_type: Any) -> bool:
+    """Whether None is passed for an argument of this type: what it would ask for is not compiled then."""
+    return isinstance(numba_type, types.NoneType)
 
 
 class _Nowhere:

@@ -31,7 +31,7 @@ Layout = FamilySlots | FamilyTiles | FluxTiles
 
 
 class FamiliesOnDevice(NodesOnDevice, FamilyLattice):
-    """The families of n nodes whose steps a device takes; see `pdsolve.steppers.steps_on_device`."""
+    """The families of n nodes whose steps a device takes; see `pdsolve.device.nodes`."""
 
     layout: FamiliesInBlocks | FamiliesInTiles
 
@@ -140,7 +140,7 @@ class FamiliesOnDevice(NodesOnDevice, FamilyLattice):
 
 
 class FluxesOnDevice(NodesOnDevice):
-    """The fluxes of n nodes whose steps a device takes; see `pdsolve.steppers.steps_on_device`."""
+    """The fluxes of n nodes whose steps a device takes; see `pdsolve.device.nodes`."""
 
     scheme = ("FIRST_ORDER", "FLUXES")
 

@@ -27,7 +27,7 @@ SOFTENED, CHANGED = 1, 2  # of a group's memory: a bond has softened; since the 
 
 
 class BondsOnDevice(NodesOnDevice, ABC):
-    """The bonds of n nodes whose steps a device takes; see `pdsolve.steppers.steps_on_device`.
+    """The bonds of n nodes whose steps a device takes; see `pdsolve.device.nodes`.
 
     What the processor knows of bonds is that of the last `fetch`. A group of nodes, one a lane, has slots in common.
     """

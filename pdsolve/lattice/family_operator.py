@@ -17,7 +17,7 @@ from pdsolve.numerics.memory import aligned
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators import bond_list_loops as loops
 from pdsolve.operators.bond_list import BondList
-from pdsolve.operators.protocol import CheckpointArrays
+from pdsolve.operators.protocol import BondLayout, CheckpointArrays
 from pdsolve.state import Broken
 
 
@@ -57,6 +57,7 @@ class FamilyLattice(BondList):
     """The bonds of n nodes on lattices under a law whose passes are tuples; see `Operator`."""
 
     name = "blocks"
+    bond_layout: BondLayout = "families"
 
     def __init__(
         self,

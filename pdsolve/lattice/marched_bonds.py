@@ -6,7 +6,7 @@ A group is a block or a tile. Its lanes have places side by side in the arrays o
 from __future__ import annotations
 
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,6 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.blocks import BlockMotion
 from pdsolve.lattice.bond import zeros
 from pdsolve.lattice.layout import LANES, in_tiles
-from pdsolve.lattice.operator import BlockLattice, TileLattice, copy_state, rows_in
 from pdsolve.lattice.sums import UNAGED, UNDONE, sum_lanes
 from pdsolve.lattice.tiles import (
     EMPTY,
@@ -33,6 +32,9 @@ from pdsolve.lattice.tiles import (
     select_breaks,
 )
 from pdsolve.state import State
+
+if TYPE_CHECKING:
+    from pdsolve.lattice.operator import BlockLattice, TileLattice
 
 READY, NO_ROOM, NO_MEMORY = range(3)  # what a group waits for
 BETWEEN_LOOKS = 16  # sweeps of tiles in which nobody else can ask which bonds are broken
@@ -96,6 +98,19 @@ class MarchedBonds(Protocol):
 
     def end_sweeps(self) -> None:
         """Take over what has broken."""
+
+
+def copy_state(state: State, copy: State) -> State:
+    """The `copy`, with the values of the state; arrays that both share stay as they are."""
+    for values, copied in zip(state, copy, strict=True):
+        if values.ctypes.data != copied.ctypes.data:
+            copied[:] = values
+    return copy
+
+
+def rows_in(places: NDArray[np.floating], nodes: int) -> NDArray[np.floating]:
+    """Room for the vectors (n, d) of nodes in the memory of an array (d, m) of places, m >= n."""
+    return places.reshape(-1)[: nodes * len(places)].reshape(nodes, len(places))
 
 
 class MarchedBlocks:

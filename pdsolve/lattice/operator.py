@@ -16,6 +16,8 @@ from pdsolve.lattice import block_bonds, tile_bonds
 from pdsolve.lattice.blocks import BOUND, LIMITS, PENDING, PENDING_SHORT, Blocks, Tracks
 from pdsolve.lattice.energies import sum_energies
 from pdsolve.lattice.layout import LANES
+from pdsolve.lattice.march import LatticeMarch
+from pdsolve.lattice.marched_bonds import MarchedBlocks, MarchedBonds, MarchedTiles, copy_state, rows_in
 from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.sums import sum_blocks, sum_tiles
 from pdsolve.lattice.tiles import (
@@ -33,8 +35,9 @@ from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law
 from pdsolve.numerics.memory import aligned_zeros
 from pdsolve.numerics.thread_team import share, side_by_side
-from pdsolve.operators.protocol import CheckpointArrays
+from pdsolve.operators.protocol import BondLayout, CheckpointArrays, Motion
 from pdsolve.state import Broken, State, Unknown
+from pdsolve.stepper import Stepper
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -55,6 +58,7 @@ class LatticeOperator(ABC):
     """The bonds of n nodes on lattices under a pair law, whatever their layout; see `Operator`."""
 
     name = "blocks"
+    bond_layout: BondLayout
 
     def __init__(self, law: Law, dimension: int, stiffness_bound: NDArray[np.float64], symmetric: bool) -> None:
         """`stiffness_bound` (n,), N/m^4, of nodes."""
@@ -88,6 +92,22 @@ class LatticeOperator(ABC):
         """A bound (n,) of each node's stiffness, N/m^4; see `Operator`."""
         return self._stiffness_bound
 
+    def intact_stiffness_bound(self) -> NDArray[np.float64]:
+        """The same bound: what is left of bonds of pairs is no stiffer."""
+        return self._stiffness_bound
+
+    @abstractmethod
+    def marched(self) -> MarchedBonds:
+        """The bonds as a march sweeps over them."""
+
+    def march(self, motion: Motion) -> Stepper | None:
+        """A march that sums forces and moves nodes in one sweep a step."""
+        _, drive, rho, time_step, damping_rates, ghosts, contact = motion
+        return LatticeMarch(self.marched(), drive, rho, time_step, damping_rates, contact, ghosts)
+
+    def update_history(self, state: State) -> None:  # noqa: B027 - pairs have a history of bonds alone
+        """Nothing: no node remembers strain."""
+
     def tangent(self, state: State) -> csr_array:
         """The tangent (n w, n w), N/m^4: minus the derivative of the force densities by the values."""
         from pdsolve.operators.tangent import of_curves, of_springs  # SciPy takes long to import, and few runs ask
@@ -104,21 +124,10 @@ class LatticeOperator(ABC):
         return of_springs(bonds.source, bonds.target, xi, softened_stiffness, state.value)
 
 
-def copy_state(state: State, copy: State) -> State:
-    """The `copy`, with the values of the state; arrays that both share stay as they are."""
-    for values, copied in zip(state, copy, strict=True):
-        if values.ctypes.data != copied.ctypes.data:
-            copied[:] = values
-    return copy
-
-
-def rows_in(places: NDArray[np.floating], nodes: int) -> NDArray[np.floating]:
-    """Room for the vectors (n, d) of nodes in the memory of an array (d, m) of places, m >= n."""
-    return places.reshape(-1)[: nodes * len(places)].reshape(nodes, len(places))
-
-
 class BlockLattice(LatticeOperator):
     """The bonds of n nodes on lattices in blocks; see `Operator`."""
+
+    bond_layout: BondLayout = "blocks"
 
     def __init__(self, law: Law, blocks: Blocks, bound: NDArray[np.float64], symmetric: bool, softens: bool) -> None:
         """`bound` (n,), N/m^4, of the stiffness of nodes; `softens`: whether any bond has its peak below its limit."""
@@ -139,6 +148,10 @@ class BlockLattice(LatticeOperator):
             broken=np.zeros(lanes, dtype=np.int32),
             worst=np.zeros(lanes if remembers else (0, LANES), dtype=kind),
         )
+
+    def marched(self) -> MarchedBonds:
+        """The bonds as a march sweeps over them."""
+        return MarchedBlocks(self)
 
     def to_own_layout(self, state: State) -> State:
         """The state in this operator's own array layout."""
@@ -282,6 +295,8 @@ class BlockLattice(LatticeOperator):
 class TileLattice(LatticeOperator):
     """The bonds of n nodes on a cubic lattice in tiles; see `Operator`."""
 
+    bond_layout: BondLayout = "tiles"
+
     def __init__(
         self, law: Law, tiles: Tiles, sites: Sites, bound: NDArray[np.float64], symmetric: bool, threads: int
     ) -> None:
@@ -297,6 +312,10 @@ class TileLattice(LatticeOperator):
         self._new: list[Broken] = []
         self.pending = room_for(0)  # bonds that broke in the last step in which any did
         self.breaking = RLock()  # held while bits and broken bonds disagree: results ask for both during a march
+
+    def marched(self) -> MarchedBonds:
+        """The bonds as a march sweeps over them."""
+        return MarchedTiles(self)
 
     def to_own_layout(self, state: State) -> State:
         """The state, whose displacements and velocities are in memory that is free between steps; see `rows_in`."""

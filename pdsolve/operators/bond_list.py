@@ -18,17 +18,20 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import share
 from pdsolve.operators import bond_list_loops as loops
 from pdsolve.operators.family_stiffness_bound import resistance
-from pdsolve.operators.protocol import CheckpointArrays
+from pdsolve.operators.protocol import BondLayout, CheckpointArrays, Motion
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
+
+    from pdsolve.stepper import Stepper
 
 
 class BondList:
     """The bonds of n nodes under one law; see `Operator`."""
 
     name = "listed"
+    bond_layout: BondLayout = "listed"
 
     def __init__(
         self, law: Law, model: Model, exact: Bonds, symmetric: bool, precision: str = "float64", threads: int = 1
@@ -228,6 +231,10 @@ class BondList:
         if self.law.scale is None:
             return self._stiffness_bound
         return self._resistance(self.law, self._bonds)
+
+    def march(self, motion: Motion) -> Stepper | None:
+        """None: Verlet takes the steps."""
+        return None
 
     def tangent(self, state: State) -> csr_array:
         """The tangent (n w, n w), N/m^4: minus the derivative of the force densities by the values."""

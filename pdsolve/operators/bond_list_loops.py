@@ -8,10 +8,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
 from numba.extending import overload
 from numpy.typing import NDArray
 
+from pdsolve.codegen.inner_functions import is_none
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.laws.bond_arrays import INLINE, bond_at, deformed, stretch_before
 from pdsolve.laws.calls import (
@@ -60,7 +60,7 @@ def is_whole(broken: NDArray[np.int32] | None, k: Any) -> bool:
 
 @overload(is_whole, jit_options=INLINE)
 def _is_whole(broken, k):  # type: ignore[no-untyped-def]
-    if isinstance(broken, types.NoneType):
+    if is_none(broken):
         return lambda broken, k: True
     return lambda broken, k: broken[k] == 0
 

@@ -7,7 +7,7 @@ blocks   pair laws on lattices, fast, and laws of families whose passes are tupl
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,25 @@ from pdsolve.state import Broken, State, Unknown
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
+    from pdsolve.conditions import Drive
+    from pdsolve.operators.contact.operator import PenaltyContact
+    from pdsolve.operators.ghosts import Ghosts
+    from pdsolve.stepper import Stepper
+
 CheckpointArrays = Mapping[str, NDArray[Any]]  # what an operator puts into a checkpoint
+BondLayout = Literal["tiles", "blocks", "families", "listed"]  # pairs on lattices, families on lattices, one by one
+
+
+class Motion(NamedTuple):
+    """What moves n nodes besides the forces of an operator."""
+
+    state: State  # in the operator's own layout
+    drive: Drive
+    rho: NDArray[np.floating]  # (n,) kg/m^3, in the precision of the steps; of a content the volume, m^d
+    time_step: float  # s
+    damping_rates: NDArray[np.float64]  # (n,) 1/s, of free components
+    ghosts: Ghosts | None = None  # nodes of other ranks
+    contact: PenaltyContact | None = None  # that acts beside the operator
 
 
 class Forces(Protocol):
@@ -37,6 +55,10 @@ class Operator(Forces, Protocol):
     unknowns: tuple[Unknown, ...]
     symmetric: bool  # energy and momentum are conserved
 
+    @property
+    def bond_layout(self) -> BondLayout:
+        """How its bonds are stored."""
+
     def to_own_layout(self, state: State) -> State:
         """The state in the operator's own array layout."""
 
@@ -49,11 +71,21 @@ class Operator(Forces, Protocol):
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of each node's stiffness, N/m^4: steps up to sqrt(2 rho / it) are stable for densities rho."""
 
+    def intact_stiffness_bound(self) -> NDArray[np.float64]:
+        """The same with the bonds that are left: of families it may grow as others break."""
+
+    def march(self, motion: Motion) -> Stepper | None:
+        """What takes steps in the operator's own sweeps, which sum forces and move nodes; None: Verlet calls
+        `accumulate_force`."""
+
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative of the force densities by the values, (n w, n w), N/m^4.
 
         Component a of node i is at w i + a.
         """
+
+    def update_history(self, state: State) -> None:
+        """Update what nodes remember of strain at an equilibrium; no bond breaks."""
 
     def bonds(
         self, first_row: int = 0, end_row: int | None = None, at_start: bool = False

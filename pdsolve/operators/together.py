@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import expect_found
-from pdsolve.operators.protocol import CheckpointArrays, Operator
+from pdsolve.operators.protocol import BondLayout, CheckpointArrays, Motion, Operator
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
+
+    from pdsolve.stepper import Stepper
 
 
 class Together:
@@ -29,6 +31,11 @@ class Together:
         for part in parts:
             if part.unknowns != self.unknowns:
                 raise ValueError(f"{part.name} has unknowns {part.unknowns}; use {self.unknowns}")
+
+    @property
+    def bond_layout(self) -> BondLayout:
+        """Where the bonds of the last part are."""
+        return self.parts[-1].bond_layout
 
     def to_own_layout(self, state: State) -> State:
         """The state in the layout of the last part; the others copy it."""
@@ -53,6 +60,19 @@ class Together:
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of each node's stiffness, N/m^4: largest eigenvalues add up at most."""
         return np.asarray(sum(part.stiffness_bound() for part in self.parts))
+
+    def intact_stiffness_bound(self) -> NDArray[np.float64]:
+        """A bound (n,) of each node's stiffness with the bonds that are left, N/m^4."""
+        return np.asarray(sum(part.intact_stiffness_bound() for part in self.parts))
+
+    def march(self, motion: Motion) -> Stepper | None:
+        """None: Verlet adds up what the parts add."""
+        return None
+
+    def update_history(self, state: State) -> None:
+        """Update the history of nodes of all parts at an equilibrium."""
+        for part in self.parts:
+            part.update_history(state)
 
     def tangent(self, state: State) -> csr_array:
         """Minus the derivative of the force densities by the values, (n w, n w), N/m^4."""

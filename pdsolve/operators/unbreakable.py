@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.operators.protocol import BondLayout, Motion
 from pdsolve.state import Broken, State
+
+if TYPE_CHECKING:
+    from pdsolve.stepper import Stepper
 
 
 class UnbreakableOperator:
     """An operator none of whose bonds break, without bonds unless it says otherwise; see `Operator`."""
+
+    bond_layout: BondLayout = "listed"
 
     def to_own_layout(self, state: State) -> State:
         """The state itself, whose arrays are those of all nodes."""
@@ -20,6 +26,21 @@ class UnbreakableOperator:
     def fields(self, state: State) -> dict[str, NDArray[Any]]:
         """Empty: what has no bonds stores no fields."""
         return {}
+
+    def stiffness_bound(self) -> NDArray[np.float64]:
+        """A bound (n,) of each node's stiffness, N/m^4."""
+        raise NotImplementedError("written for each operator")
+
+    def intact_stiffness_bound(self) -> NDArray[np.float64]:
+        """The same bound, as no bond breaks."""
+        return self.stiffness_bound()
+
+    def march(self, motion: Motion) -> Stepper | None:
+        """None: general steppers take the steps."""
+        return None
+
+    def update_history(self, state: State) -> None:
+        """Nothing: no node remembers strain."""
 
     def bonds(
         self, first_row: int = 0, end_row: int | None = None, at_start: bool = False

@@ -23,7 +23,7 @@ from pdmesh.model.document import Condition
 from pdmesh.model.graphs import tree_of
 from pdmesh.model.suggestions import called
 from pdsolve.checkpoint_validation import entry
-from pdsolve.conditions import Drive, put_loads
+from pdsolve.conditions import Drive, conditions_of, put_loads
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.ground_supports import grounded
@@ -484,10 +484,8 @@ def describe_crack_at_no_fail_bonds(
     if peaks[worst] < 1:
         return None
     ends = bonds.source[worst], bonds.target[worst]
-    for number, condition in enumerate(model.settings.conditions):
-        if not isinstance(condition, Condition) or condition.breakable:
-            continue
-        if np.isin(ends, model.selected(condition)).any():
+    for number, condition in conditions_of(model.settings, Condition):
+        if not condition.breakable and np.isin(ends, model.selected(condition)).any():
             return (
                 f"$.conditions[{number}]: bonds of '{called(condition.name, number)}', which do not break, are"
                 f" stretched to {peaks[worst]:.2f} times the peak of others at the end of a crack; use breakable ="

@@ -23,9 +23,10 @@ from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import DISPLACEMENT, Drive, factors_at, put_loads
 from pdsolve.errors import CheckpointError
 from pdsolve.model import Model, ModelError, ModelWarning
+from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
-from pdsolve.rest.contact_method import EquilibriumMethodWithContact, append_contact_pairs
+from pdsolve.rest.contact_method import append_contact_pairs
 from pdsolve.rest.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
@@ -72,11 +73,13 @@ class LoadSteps(Stepper):
         bond_breaking: Breaking | None,
         grow_cracks: Callable[[State, int], bool] | None = None,
         on_equilibrium: Callable[[State], None] = lambda state: None,
+        contact: RestingContact | None = None,
     ) -> None:
         """`bond_breaking` lets bonds break here; None: none does.
 
         `grow_cracks` lets cracks grow from an equilibrium in a step, and returns whether any did. `on_equilibrium` is
-        called with each equilibrium under load. Raises ModelError for a body without supports.
+        called with each equilibrium under load; `contact` is the part of the operator that `method` looks at. Raises
+        ModelError for a body without supports.
         """
         self._model, self._operator, self._drive, self._area = model, operator, drive, area
         self.method, self._breaking, self._dt = method, bond_breaking, model.settings.run.time_step or 0.0
@@ -85,7 +88,7 @@ class LoadSteps(Stepper):
         self._supported = self.held | grounded(model, drive.force.shape[1])
         self.step_results: list[LoadStepStatistics] = []
         self._remember, self._grow = on_equilibrium, grow_cracks
-        self._contact = method.contact if isinstance(method, EquilibriumMethodWithContact) else None
+        self._contact = contact
         self._inner = 0.0  # N/m^3, of `EquilibriumConditions`
         self._on_next_equilibrium: Callable[[State], object] = lambda state: None
         self._warned, self._told_loose, self._loose = False, False, cast("LooseBodies | None", None)

@@ -11,7 +11,7 @@ from pdmesh.model.document import ARC, CRACK, Condition, Displacement, Load
 from pdmesh.model.materials.kind import softens
 from pdmesh.model.selection import components, given_of
 from pdmesh.model.values_of_place import is_of_place
-from pdsolve.conditions import factors
+from pdsolve.conditions import conditions_of, factors
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.operators.softening_shear import bonds_soften
 from pdsolve.rest.path import CRACK_STEPS
@@ -33,8 +33,9 @@ def model_with_load_steps(model: Model) -> Model:
         stepped_model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=changed))
         _refuse_unsolvable_conditions(stepped_model, [1.0])
         return stepped_model
-    end = max((time for c in _mechanical_conditions(model) for time, _ in c.profile), default=0.0)
-    varies = end > 0 and any(len(c.profile) > 1 for c in _mechanical_conditions(model))
+    profiles = [condition.profile for _, condition in conditions_of(model.settings, Condition)]
+    end = max((time for profile in profiles for time, _ in profile), default=0.0)
+    varies = end > 0 and any(len(profile) > 1 for profile in profiles)
     steps = run.static.load_steps or (STEPS if varies else 1)
     if not varies and steps > 1:
         raise ModelError(
@@ -67,8 +68,9 @@ def uses_arc_length_control(model: Model) -> bool:
 def _model_with_path_steps(model: Model) -> Model:
     """The model in steps of 1 s along its path; its profiles go from 0 to 1 s. Raises ModelError."""
     run = model.settings.run
-    varies = any(len(condition.profile) > 1 for condition in _mechanical_conditions(model))
-    end = max((time for condition in _mechanical_conditions(model) for time, _ in condition.profile), default=0.0)
+    profiles = [condition.profile for _, condition in conditions_of(model.settings, Condition)]
+    varies = any(len(profile) > 1 for profile in profiles)
+    end = max((time for profile in profiles for time, _ in profile), default=0.0)
     conditions = []
     for number, condition in enumerate(model.settings.conditions):
         if not isinstance(condition, Condition) or (varies and len(condition.profile) < 2):
@@ -110,20 +112,14 @@ def quasi_static_swelling_model(model: Model) -> Model:
     return stepped_model
 
 
-def _mechanical_conditions(model: Model) -> list[Condition]:
-    return [condition for condition in model.settings.conditions if isinstance(condition, Condition)]
-
-
 def _refuse_unsolvable_conditions(model: Model, times: list[float], load_is_needed: bool = True) -> None:
     """Raise ModelError for contradictory holds at these times, s, and without an effect, if one is `load_is_needed`."""
     loads = False
     holds: dict[tuple[int, str], tuple[int, list[float]]] = {}
-    for number, condition in enumerate(model.settings.conditions):
-        if isinstance(condition, Load):
-            acts = any(is_of_place(value) or value for vector in given_of(condition).values() for value in vector)
-            loads |= acts and any(factors(condition, times))
-        if not isinstance(condition, Displacement):
-            continue
+    for _, load in conditions_of(model.settings, Load):
+        acts = any(is_of_place(value) or value for vector in given_of(load).values() for value in vector)
+        loads |= acts and any(factors(load, times))
+    for number, condition in conditions_of(model.settings, Displacement):
         for axis, value in zip("xyz", components(condition), strict=True):
             if value is None:
                 continue

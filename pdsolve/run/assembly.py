@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numba
 import numpy as np
@@ -17,7 +17,6 @@ from pdsolve.bonds.static_breakage import StaticBreakage
 from pdsolve.checks import refuse_fields
 from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, widened
 from pdsolve.device.families import FamiliesOnDevice, FluxesOnDevice
-from pdsolve.device.nodes import NodesOnDevice
 from pdsolve.device.runtime import Session
 from pdsolve.device.tiles import BlocksOnDevice, TilesOnDevice
 from pdsolve.diffusion.system import Transport
@@ -27,8 +26,6 @@ from pdsolve.lattice.family_blocks import FamiliesInBlocks
 from pdsolve.lattice.family_operator import FamilyLattice
 from pdsolve.lattice.family_tiles import FamiliesInTiles
 from pdsolve.lattice.flux_operator import FluxesInTiles
-from pdsolve.lattice.march import LatticeMarch
-from pdsolve.lattice.marched_bonds import MarchedBlocks, MarchedBonds, MarchedTiles
 from pdsolve.lattice.operator import BlockLattice, TileLattice
 from pdsolve.laws import law_of
 from pdsolve.laws.bond_arrays import Tabled
@@ -37,12 +34,12 @@ from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.numerics.team import Team
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.contact.at_rest import RestingContact
-from pdsolve.operators.contact.operator import PenaltyContact, touch_bound
+from pdsolve.operators.contact.operator import BondsInContact, PenaltyContact, touch_bound
 from pdsolve.operators.ghosts import Ghosts
 from pdsolve.operators.ground_supports import support_bound, supported
-from pdsolve.operators.protocol import Operator
+from pdsolve.operators.protocol import BondLayout, Motion, Operator
 from pdsolve.operators.stiffness_damping import add_stiffness_damping, damped_stable_time_step
-from pdsolve.operators.together import Together, unwrap_bond_operator
+from pdsolve.operators.together import unwrap_bond_operator
 from pdsolve.options import Options, threads_of
 from pdsolve.ranks.diffusing import EulerOnRanks
 from pdsolve.run.node_changes import GrowingCracks
@@ -50,7 +47,6 @@ from pdsolve.run.system import PreparedRun, System
 from pdsolve.schemes.cubic_lattice_bonds import Tiled, tiled
 from pdsolve.state import State
 from pdsolve.stepper import Stepper
-from pdsolve.steppers.steps_on_device import StepsOnDevice
 from pdsolve.steppers.verlet import Verlet
 
 if TYPE_CHECKING:
@@ -172,7 +168,7 @@ def add_penalty_contact(
             f" use steps up to {longest:.3g} s, or less"
         )
     contact = PenaltyContact(model, volume, bond_operator)
-    return Together(contact, bond_operator), contact
+    return BondsInContact(contact, bond_operator), contact
 
 
 def add_quasi_static_contact(
@@ -182,7 +178,7 @@ def add_quasi_static_contact(
     if model.settings.contact is None:
         return bond_operator, None
     contact = RestingContact(model, volume, bond_operator)
-    return Together(contact, bond_operator), contact
+    return BondsInContact(contact, bond_operator), contact
 
 
 def options_with_kernel_for_swelling(model: Model, options: Options) -> Options:
@@ -199,19 +195,6 @@ def options_with_kernel_for_swelling(model: Model, options: Options) -> Options:
     return options if fast else options._replace(kernel="listed")
 
 
-def split_into_lattice_bonds_and_contact(operator: Operator) -> tuple[MarchedBonds | None, PenaltyContact | None]:
-    """The bonds on lattices of an operator, if they are all there is of it but for contact; and that."""
-    contact, bonds = None, operator
-    if isinstance(operator, Together) and len(operator.parts) == 2 and isinstance(operator.parts[0], PenaltyContact):
-        contact, bonds = operator.parts[0], operator.parts[1]
-    if isinstance(bonds, BlockLattice):
-        return MarchedBlocks(bonds), contact
-    return (MarchedTiles(bonds) if isinstance(bonds, TileLattice) else None), contact
-
-
-BondLayout = Literal["tiles", "blocks", "listed"]  # where the bonds of a pair law are
-
-
 def count_bonds_and_compute_stiffness_bound(
     model: Model, options: Options, scheme: Scheme
 ) -> tuple[Counted, NDArray[np.float64], BondLayout]:
@@ -225,12 +208,6 @@ def count_bonds_and_compute_stiffness_bound(
     in_blocks = can_be_in_blocks(statistics.parts(), model.grid.position.shape) and _allows_compiled_layouts(options)
     bound = statistics.stiffness_bound + _contact_and_support_stiffness_bound(model, filling.area)
     return statistics.counted(filling.area), bound, "blocks" if in_blocks else "listed"
-
-
-def bond_layout_of_operator(operator: Operator) -> BondLayout:
-    """Where the bonds of a pair law are that this operator sums."""
-    bonds = unwrap_bond_operator(operator)
-    return "tiles" if isinstance(bonds, TileLattice) else "blocks" if bonds.name == "blocks" else "listed"
 
 
 def _contact_and_support_stiffness_bound(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -264,12 +241,7 @@ def compute_stable_time_step(model: Model, operator: Operator) -> float:
 
 def compute_stable_time_step_of_intact_bonds(model: Model, operator: Operator) -> float:
     """The longest surely stable step, s, with the bonds that are left, which may be shorter than at the start."""
-    bonds = unwrap_bond_operator(operator)
-    return (
-        stable_time_step_from_stiffness_bound(bonds.intact_stiffness_bound(), model.rho)
-        if isinstance(bonds, BondList)
-        else float("inf")
-    )
+    return stable_time_step_from_stiffness_bound(unwrap_bond_operator(operator).intact_stiffness_bound(), model.rho)
 
 
 def stable_time_step_from_stiffness_bound(stiffness_bound: NDArray[np.float64], rho: NDArray[np.float64]) -> float:
@@ -330,7 +302,8 @@ def assemble_system(
         operator = add_stiffness_damping(model, operator, state)
     damped = damping(model) if damping_rates is None else damping_rates
     set_initial_velocity_and_acceleration(state, velocity, damped, conditions)
-    stepper = make_stepper(operator, state, conditions, rho, time_step, damped, ghosts)
+    stepper = operator.march(Motion(state, conditions, rho, time_step, damped, ghosts))
+    stepper = stepper or Verlet(operator, conditions, rho, time_step, damped, ghosts)
     energy = float(np.sum(model.rho / 2 * bond_counts.area * (velocity**2).sum(axis=1))) if velocity.any() else 0.0
     refuse_fields(model, operator, state)
     system = System(
@@ -360,37 +333,16 @@ def choose_time_step(model: Model, stable_time_step: float) -> float:
     return step
 
 
-def make_stepper(
-    operator: Operator,
-    state: State,
-    drive: Drive,
-    rho: NDArray[np.floating],
-    time_step: float,
-    damping_rates: NDArray[np.float64],
-    ghosts: Ghosts | None = None,
-) -> Stepper:
-    """What takes steps of `time_step`, s, of a placed state; `rho` (n,) are kg/m^3, `damping_rates` (n,) 1/s.
-
-    `ghosts` are a window's nodes of other ranks.
-    """
-    if isinstance(operator, NodesOnDevice):
-        return StepsOnDevice(operator, state, drive, rho, time_step, damping_rates)
-    bonds, contact = split_into_lattice_bonds_and_contact(operator)
-    if bonds is not None:
-        return LatticeMarch(bonds, drive, rho, time_step, damping_rates, contact, ghosts)
-    return Verlet(operator, drive, rho, time_step, damping_rates, ghosts)
-
-
 def make_diffusion_stepper(model: Model, transport: Transport, state: State, team: Team | None) -> Stepper:
     """What takes the steps of a transport through a model, on the ranks of a team if there is one."""
     device = model.settings.run.device
     if device != "cpu":
         operator, volume = transport.operator, transport.operator.volume
-        if not isinstance(operator.exchange, FluxesInTiles):
+        if operator.exchange.name != FluxesInTiles.name:
             raise ModelError(f"{model.name}: $.run.device: nodes are on no lattice; use cpu, or nodes on one")
-        of = operator.exchange, operator.change, operator.outside, operator.medium.C_sat
-        bonds = FluxesOnDevice(*of, Session(device))
-        return StepsOnDevice(bonds, state, transport.drive, volume, transport.time_step, np.zeros(len(volume)))
+        tiles = cast("FluxesInTiles", operator.exchange)
+        bonds = FluxesOnDevice(tiles, operator.change, operator.outside, operator.medium.C_sat, Session(device))
+        return bonds.march(Motion(state, transport.drive, volume, transport.time_step, np.zeros(len(volume))))
     if team is None:
         return transport.stepper
     return EulerOnRanks(model, team, transport.operator, transport.drive, transport.time_step)

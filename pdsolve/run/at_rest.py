@@ -79,10 +79,10 @@ def prepare_quasi_static_run(
         method = EquilibriumMethodWithContact(method, operator, contact)
     breakable = no_fail.breakable() if bonds_may_break and law.pair is not None else None
     breaking = FamilyBonds(cast("BondList", bonds)) if of_families else breakable  # which are listed
-    remember = {"on_equilibrium": bonds.update_history} if isinstance(bonds, BondList) else {}
     growth = make_crack_particle_growth(model, bonds, filling, driven, None) if grows else None
     fatigue, look = model.settings.run.fatigue, growth.look if growth and not uses_crack_length_control(model) else None
-    stepper = LoadSteps(model, operator, driven, area, method, breaking, None if fatigue else look, **remember)
+    of = model, operator, driven, area
+    stepper = LoadSteps(*of, method, breaking, None if fatigue else look, bonds.update_history, contact)
     step = float(model.settings.run.time_step or 0.0)
     bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), model.rho)
     system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
@@ -98,10 +98,10 @@ def prepare_quasi_static_run(
         system = replace(system, stepper=fatigue_steps)
     if bonds_may_break and uses_arc_length_control(model):
         _refuse_body_too_large_for_path(model, driven)
-        arc = ArcLengthSteps(model, operator, driven, area, breaking, **remember, has_plastic_flow=flows)
+        arc = ArcLengthSteps(*of, breaking, bonds.update_history, has_plastic_flow=flows)
         system = replace(system, stepper=arc)
     if growth is not None and uses_crack_length_control(model):
-        system = replace(system, stepper=CrackLengthSteps(model, operator, driven, area, stepper, growth))
+        system = replace(system, stepper=CrackLengthSteps(*of, stepper, growth))
     return PreparedRun(system, state)
 
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pdsolve.bonds.assembly import Scheme
 from pdsolve.conditions import Drive
 from pdsolve.diffusion.system import Transport
-from pdsolve.lattice.operator import BlockLattice
 from pdsolve.model import Model, counted
 from pdsolve.numerics.team import Team
 from pdsolve.operators.contact.operator import PenaltyContact
@@ -169,7 +168,7 @@ class System:
     @property
     def thread_count(self) -> int:
         """Number of threads that share the work."""
-        return threads_of(self.options, len(self.model.grid), isinstance(self.operator, BlockLattice))
+        return threads_of(self.options, len(self.model.grid), self.operator.bond_layout in ("blocks", "tiles"))
 
     @property
     def writes_rank_databases(self) -> bool:

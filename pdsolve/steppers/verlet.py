@@ -10,10 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-from numba import types
 from numpy.typing import NDArray
 
-from pdsolve.codegen.inner_functions import overloaded
+from pdsolve.codegen.inner_functions import is_none, overloaded
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.conditions import (
     Drive,
@@ -80,7 +79,7 @@ class Verlet(Stepper):
 @overloaded({"error_model": "numpy"})  # not INNER, whose functions return no arrays
 def _rows_or_all(rows, count):  # type: ignore[no-untyped-def]
     """The `rows`, or without any, None, so many from 0 on."""
-    return (lambda rows, count: range(count)) if isinstance(rows, types.NoneType) else lambda rows, count: rows
+    return (lambda rows, count: range(count)) if is_none(rows) else lambda rows, count: rows
 
 
 @cached_njit(error_model="numpy")

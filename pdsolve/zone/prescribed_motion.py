@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Displacement, InitialVelocity, Velocity
 from pdmesh.model.selection import components
 from pdmesh.model.values_of_place import is_of_place
-from pdsolve.conditions import initial_velocity
+from pdsolve.conditions import conditions_of, has_conditions, initial_velocity
 from pdsolve.model import Model
 from pdsolve.zone.cells import LatticeNumbering, lattice_coordinates, place_number_at
 
@@ -28,17 +28,18 @@ def nodes_kept_fine_by_prescribed_motion(
     """
     dimension, lookups = len(numbering.counts), (numbering, places_of_grid_rows, grid_rows_at)
     unfit_rows, count = [np.zeros(0, dtype=np.int64)], len(model.grid)
-    for condition in model.settings.conditions:
-        if isinstance(condition, Displacement | Velocity):
-            rows, is_held = model.selected(condition), np.zeros((count, 1))
-            is_held[rows] = 1.0
-            unfit_rows.append(rows[_mean_of_coarse_nodes_around(is_held, rows, *lookups)[:, 0] < 1.0])
-            prescribed_values = [value or 0.0 for value in components(condition, dimension)]
-            if any(map(is_of_place, prescribed_values)):
-                values = np.zeros((count, dimension))
-                values[rows] = model.vectors(prescribed_values, rows)
-                unfit_rows.append(_rows_of_nonlinear_values(values, rows, *lookups))
-    if any(isinstance(condition, InitialVelocity) for condition in model.settings.conditions):
+    prescribed: list[tuple[int, Displacement | Velocity]] = [*conditions_of(model.settings, Displacement)]
+    prescribed += conditions_of(model.settings, Velocity)
+    for _, condition in prescribed:
+        rows, is_held = model.selected(condition), np.zeros((count, 1))
+        is_held[rows] = 1.0
+        unfit_rows.append(rows[_mean_of_coarse_nodes_around(is_held, rows, *lookups)[:, 0] < 1.0])
+        prescribed_values = [value or 0.0 for value in components(condition, dimension)]
+        if any(map(is_of_place, prescribed_values)):
+            values = np.zeros((count, dimension))
+            values[rows] = model.vectors(prescribed_values, rows)
+            unfit_rows.append(_rows_of_nonlinear_values(values, rows, *lookups))
+    if has_conditions(model.settings, InitialVelocity):
         unfit_rows.append(_rows_of_nonlinear_values(initial_velocity(model), np.arange(count), *lookups))
     return np.column_stack(lattice_coordinates(numbering, places_of_grid_rows(np.unique(np.concatenate(unfit_rows)))))
 

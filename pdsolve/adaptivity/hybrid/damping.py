@@ -9,18 +9,17 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import types
 from numba.extending import overload
 
 from pdsolve.adaptivity.hybrid.node_constants import node_constant_at_place
-from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.inner_functions import INNER, is_none
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.zone.cells import FREE
 
 
 def _is_damped_type(nodes: Any) -> bool:
     """Whether these nodes, a type, are damped."""
-    return not isinstance(nodes.types[nodes.fields.index("damping")], types.NoneType)
+    return not is_none(nodes.types[nodes.fields.index("damping")])
 
 
 def damp_forces(nodes: Any, p: Any, count: Any, velocity_lag: Any, lane_sums: Any) -> None:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit, types
+from numba import njit
 from numba.extending import overload
 
-from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.inner_functions import INNER, is_none
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep, same, unless_none
 from pdsolve.codegen.vector_code import ROW
@@ -58,7 +58,7 @@ def _relative_displacement(u: Any, negative_half_swelling: Any, x: Any, y: Any, 
 
 @overload(_relative_displacement, jit_options=INNER | {"forceinline": True})
 def _overload_relative_displacement(u, negative_half_swelling, x, y, p, j):  # type: ignore[no-untyped-def]
-    if isinstance(negative_half_swelling, types.NoneType):
+    if is_none(negative_half_swelling):
         return lambda u, negative_half_swelling, x, y, p, j: _displacement_difference(u, p, j)
 
     def displacement_without_swelling(u, negative_half_swelling, x, y, p, j):  # type: ignore[no-untyped-def]

@@ -14,7 +14,7 @@ from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, split_rows_into_
 from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds
 from pdsolve.adaptivity.hybrid.node_constants import NodeConstants
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.conditions import damping, unbreakable
+from pdsolve.conditions import damping, has_conditions, unbreakable
 from pdsolve.zone.springs import STIFFNESS, Springs
 
 USUAL, EMPTY = 0, 1  # entries of the first two rows
@@ -42,7 +42,7 @@ def create_node_constants(
     # What a node deep in a plate has
     usual = _ConstantsOfPlaces(*(np.array(value, dtype=kind) for value, kind in zip(usual_values, kinds, strict=True)))
     slowed = None  # where nothing is damped
-    if run.damping or any(isinstance(condition, Absorb) for condition in model.settings.conditions):
+    if run.damping or has_conditions(model.settings, Absorb):
         node_damping = damping(model)
         slowed = node_damping if node_damping.any() else None
     columns: list[list[NDArray[Any]]] = [[np.tile(one, (2, ROW))] for one in usual]

@@ -23,7 +23,7 @@ from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds, compute_ir
 from pdsolve.adaptivity.hybrid.irregular_rows import create_node_constants
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.precracks import lengthen_cracks, record_precrack_cuts
-from pdsolve.conditions import drive, initial_velocity
+from pdsolve.conditions import conditions_of, drive, has_conditions, initial_velocity
 from pdsolve.laws.calls import bind
 from pdsolve.laws.pair import no_bonds
 from pdsolve.laws.pair_laws import bilinear
@@ -86,7 +86,7 @@ def create_hybrid_operator_and_stable_step(
         dtype=kind,
     )._replace(loads=loads, holds=holds)
     hybrid = HybridEngine(plate, lattice, zone, plate_drive)
-    begins_sequence = any(isinstance(condition, InitialVelocity | Velocity) for condition in model.settings.conditions)
+    begins_sequence = has_conditions(model.settings, InitialVelocity, Velocity)
     hybrid.initialize_motion_and_forces(initial_velocity(model) if begins_sequence else None)
     return HybridOperator(hybrid, cut), bound
 
@@ -94,13 +94,11 @@ def create_hybrid_operator_and_stable_step(
 def rows_with_content_jumps(model: Model) -> NDArray[np.int64]:
     """Rows of the nodes at which a content that swells a plate may leap within a spacing: it is held, exchanged or
     supplied through an edge there. A coarse cell would know no more than its mean."""
-    condition_rows = [np.zeros(0, dtype=np.int64)]
-    for condition in model.settings.conditions if model.swells else ():
-        if isinstance(condition, Concentration | Exchange) or (
-            isinstance(condition, Source) and condition.flux is not None
-        ):
-            condition_rows.append(model.selected(condition))
-    return np.unique(np.concatenate(condition_rows))
+    if not model.swells:
+        return np.zeros(0, dtype=np.int64)
+    fluxes = [(number, source) for number, source in conditions_of(model.settings, Source) if source.flux is not None]
+    jumps = [*conditions_of(model.settings, Concentration, Exchange), *fluxes]
+    return np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *(model.selected(each) for _, each in jumps)]))
 
 
 def create_lattice_constants(

@@ -12,13 +12,13 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import njit, types
+from numba import njit
 from numba.extending import overload
 
 from pdsolve.adaptivity.hybrid.energy import bond_piece_energy, store_half_spring_energies_of_row
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes
 from pdsolve.adaptivity.hybrid.node_constants import node_constant_at_place
-from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.inner_functions import INNER, is_none
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.zone.cells import FREE, place_number_at, place_on_finer_lattice
@@ -31,7 +31,7 @@ def set_swelling_offsets_of_bond_pieces(lattice: Any, zone: Any) -> None:
 @overload(set_swelling_offsets_of_bond_pieces, jit_options=INNER)
 def _overload_set_swelling_offsets_of_bond_pieces(lattice, zone):  # type: ignore[no-untyped-def]
     fine = zone.types[zone.fields.index("fine")]
-    if isinstance(fine.types[fine.fields.index("negative_half_swelling")], types.NoneType):
+    if is_none(fine.types[fine.fields.index("negative_half_swelling")]):
         return lambda lattice, zone: None
 
     def set_offsets_of_bond_pieces(lattice, zone):  # type: ignore[no-untyped-def]
@@ -62,7 +62,7 @@ def swelling_offset_from_chord(
 
 @overload(swelling_offset_from_chord, jit_options=INNER)
 def _overload_swelling_offset_from_chord(lattice, negative_half_swelling, first_node, second_node, w):  # type: ignore[no-untyped-def]
-    if isinstance(negative_half_swelling, types.NoneType):
+    if is_none(negative_half_swelling):
         return lambda lattice, negative_half_swelling, first_node, second_node, w: (0.0, 0.0)
 
     def offset_from_chord(lattice, negative_half_swelling, first_node, second_node, w):  # type: ignore[no-untyped-def]

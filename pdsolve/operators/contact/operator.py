@@ -23,12 +23,15 @@ from pdsolve.operators.contact.kernel import WIDE, PairList, Pushes, add_forces,
 from pdsolve.operators.contact.pair_matrix import pair_matrix
 from pdsolve.operators.contact.rigid_motion import RigidMotion
 from pdsolve.operators.contact.round_bodies import RoundBodies
-from pdsolve.operators.protocol import CheckpointArrays, Operator
+from pdsolve.operators.protocol import CheckpointArrays, Motion, Operator
+from pdsolve.operators.together import Together
 from pdsolve.operators.unbreakable import UnbreakableOperator
 from pdsolve.state import Broken, State, Unknown
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
+
+    from pdsolve.stepper import Stepper
 
 SPACINGS = 3.0  # in the horizon whose micromodulus counts
 SKIN = 0.5  # spacings, of the finest surface nodes: pairs nearer than that and their reach are known
@@ -291,6 +294,18 @@ class PenaltyContact(UnbreakableOperator):
             self._spent,
         )
         return sum(array.nbytes for array in arrays) + 8 * len(self._joined.intact)
+
+
+class BondsInContact(Together):
+    """Contact and the operator of the bonds that it acts beside."""
+
+    def __init__(self, contact: PenaltyContact, bonds: Operator) -> None:
+        super().__init__(contact, bonds)
+        self._contact, self._bonds = contact, bonds
+
+    def march(self, motion: Motion) -> Stepper | None:
+        """The march of the bonds, which takes contact with it; None if they have none."""
+        return self._bonds.march(motion._replace(contact=self._contact))
 
 
 def pair_stiffness(model: Model, contact: Contact) -> NDArray[np.float64]:
