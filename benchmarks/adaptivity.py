@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from benchmarks.models import PLATES, scene_model, with_run
 from benchmarks.pages import DOCS, markdown_table, write_block
 from pdmesh.drawing.additions import ADAPT
+from pdmesh.model import contradictions
 from pdmesh.model.possible import impossible
 from pdmesh.scene.shapes import SceneError
 from pdsolve.model import Model, ModelWarning
@@ -213,7 +214,7 @@ def _taken(file: str) -> Model | None:
     except SceneError:
         return None
     with_zone, run = with_run(plate, adapt="hybrid"), plate.settings.run
-    refused = plate.grid.bodies is not None or any(True for _ in impossible(with_zone.settings, 2))
+    refused = plate.grid.bodies is not None or any(True for _ in impossible(contradictions.Case(with_zone.settings, 2)))
     return None if refused or "static" in (run.solver, run.start) else plate
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 import shlex
 import sys
 import tempfile
@@ -17,7 +18,7 @@ from pathlib import Path
 
 import msgspec
 
-from benchmarks.features import GROUPS, MATERIALS, SAMPLES, Changes, places_of, refused, together
+from benchmarks.features import GROUPS, MATERIALS, SAMPLES, Changes, physics_of, places_of, refused, together
 from benchmarks.pages import DOCS, markdown_table, write_block
 from pdmesh.__main__ import main as pdmesh
 from pdmesh.model.material import DECLARED, Material, switch_of
@@ -51,8 +52,8 @@ def every_feature() -> str:
         rows = []
         for name, changes in samples.items():
             alone = [] if not refused(changes) else ["mechanics"]  # it needs a medium
-            others = [other for other in SAMPLES if other != name and _refused_pair(name, other)]
-            others = [other for other in others if not alone or "physics" in SAMPLES[other]]
+            others = [other for other in SAMPLES if other != name and _excludes(name, other)]
+            others = [other for other in others if not alone or physics_of(SAMPLES[other]) != "mechanics"]
             listed = alone + [other for other in others if not any(_implies(other, more) for more in others)]
             rows.append([name, settings_of(changes), ", ".join(listed)])
         parts.append(f"## {group}\n\n{markdown_table(['feature', 'settings', 'not with'], rows)}")
@@ -68,6 +69,13 @@ def instead() -> str:
     return "\n\n".join(parts)
 
 
+def _excludes(feature: str, excluded: str) -> bool:
+    """Whether a feature, and not the mechanics of the plate alone, excludes another."""
+    sentences = _refused_pair(feature, excluded), _refused_alone(excluded)
+    pair, alone = (re.sub(r"\d", "", sentence) for sentence in sentences)  # but for numbers of conditions
+    return pair not in ("", alone)
+
+
 def _implies(feature: str, implied: str) -> bool:
     """Whether a model with a feature has the implied one too."""
     return SAMPLES[implied].items() < SAMPLES[feature].items()
@@ -80,6 +88,12 @@ def _refused_pair(first: str, second: str) -> str:
         return _refused_pair(second, first)
     changes = together(first, second)
     return "" if changes is None else refused(changes)
+
+
+@cache
+def _refused_alone(feature: str) -> str:
+    """The sentence that refuses a feature in a plate of mechanics, "" for none."""
+    return refused(SAMPLES[feature])
 
 
 def settings_of(changes: Changes) -> str:
@@ -100,6 +114,9 @@ OPTIONS = {
     "mode": "`--mode thesis`",
     "precision": "`--precision float32`",
     "ranks": "`mpiexec`",
+    "kernel": '`Options(kernel="blocks")`',
+    "disturbances": "`repeat` of a study",
+    "probe": "`run.probes`",
     "dimension": "a body in space",
     "rigid": "condition `rigid`",
     "regions": "`regions`",
@@ -110,7 +127,8 @@ OPTIONS = {
 
 def reason(use: str, because: str) -> str:
     """What to use instead of a feature, in words."""
-    return ("leave it out" if use == "none" else f"use {use}") + because
+    words = f"leave it out{use.removeprefix('none')}" if use.startswith("none (") or use == "none" else f"use {use}"
+    return words + because
 
 
 def bounds(name: str) -> str:

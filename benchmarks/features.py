@@ -1,7 +1,7 @@
 """A small model of every feature, and of any two: what pages show, and what is tried of all pairs.
 
-A sample is what its feature changes in the plate or the body below, by dotted names of settings; `dimension`, `mode`,
-`precision` and `ranks` are those of `pdmesh.model.contradictions.Case`.
+A sample is what its feature changes in the plate or the body below, by dotted names of settings; those of `OPTIONS` are
+of `pdmesh.model.contradictions.Case`.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from pdmesh.model.document import (
     Fatigue,
     Gap,
     Horizon,
+    InitialConcentration,
     InitialDisplacement,
     InitialVelocity,
     Pin,
@@ -65,14 +66,16 @@ ORDINARY: Changes = {"material.model": "ordinary", "material.nu": 0.22}
 STATIC: Changes = {"run.solver": "static"}
 SOFT: Changes = {"material.law": "bilinear", "material.kr": 2.0}
 GROWN: Changes = {"run.cracks": "particles"}
-HOT: Changes = {"physics": "thermoelastic"}
-HEAT, WET = Medium(D=1e-3, carries="heat", heat_capacity=2e6), Medium(D=1.0, C_solid=1.0, C_sat=0.2)
+HEAT = Medium(D=1e-3, carries="heat", heat_capacity=2e6)
+WET: Changes = {"medium.C_solid": 1.0, "medium.C_sat": 0.2}
+TOUCHING: Changes = {"contact": Contact()}
 
 ANALYSES: dict[str, Changes] = {
     "explicit steps": {"run.solver": "explicit"},
     "implicit steps": {"run.solver": "implicit"},
     "static start": {"run.start": "static"},
     "load steps": STATIC,
+    "a number of load steps": STATIC | {"run.static.load_steps": 2, "profile": RISING},
     "dynamic relaxation": STATIC | {"run.static.method": "relaxation"},
     "bodies without supports": STATIC | {"run.static.floating": True},
     "softening path": STATIC | SOFT,
@@ -84,11 +87,12 @@ ANALYSES: dict[str, Changes] = {
     "fatigue of crack particles": STATIC | GROWN | {"run.fatigue": Fatigue(C=1e-30, m=3.0)},
 }
 PHYSICS: dict[str, Changes] = {
-    "thermal stress": HOT | {"medium": HEAT},
-    "heat of deformation": HOT | {"medium": msgspec.structs.replace(HEAT, deformation=True)},
-    "diffusion": {"physics": "diffusion", "medium": Medium(D=1.0)},
-    "dissolution": {"physics": "diffusion", "medium": WET},
-    "kinetic dissolution": {"physics": "diffusion", "medium": msgspec.structs.replace(WET, dissolution="kinetic")},
+    "thermal stress": {"physics": "thermoelastic"},
+    "heat of deformation": {"medium.deformation": True},
+    "conductance of broken bonds": {"medium.broken": 0.5},
+    "diffusion": {"physics": "diffusion"},
+    "dissolution": WET,
+    "kinetic dissolution": WET | {"medium.dissolution": "kinetic"},
 }
 DISCRETIZATION: dict[str, Changes] = {
     "3D": {"dimension": 3},
@@ -97,16 +101,22 @@ DISCRETIZATION: dict[str, Changes] = {
     "split": {"run.adapt": "split"},
     "collocation": {"run.adapt": "collocation", "run.collocation.damped": True},
     "crack particles": GROWN,
+    "crack particles by strength": GROWN | {"run.particles.criterion": "stress", "run.particles.strength": 1e8},
+    "areas of eq. 19": {"area_rule": "eq19"},
+    "square areas": {"area_rule": "square"},
     "several materials": {"regions": True},
     "strengths of coarse bonds": {"material.coarse": "matched"},
     "isotropic calibration": {"material.calibration": "isotropic"},
 }
 CONDITIONS: dict[str, Changes] = {
-    "contact": {"contact": Contact()},
-    "rigid bodies": {"contact": Contact(), "rigid": True},
+    "contact": TOUCHING,
+    "friction": TOUCHING | {"contact.friction": 0.5},
+    "a restitution below 1": TOUCHING | {"contact.restitution": 0.5},
+    "rigid bodies": TOUCHING | {"rigid": True},
     "damping": {"run.damping": 1e3},
     "damping by stiffness": {"run.damping_time": 1e-8},
     "absorbing layers": {"conditions": (lambda at: Absorb(box=at.right),)},
+    "corrected grips": {"conditions": (lambda at: Displacement(box=at.high, x=0.0, corrected=True),)},
     "springs": {"conditions": (lambda at: Spring(box=at.right, body_stiffness=(1e12,) * at.dimension),)},
     "pins": {"conditions": (lambda at: Pin(box=at.middle, centre=(27 * H, 6.5 * H)),)},
     "accelerations": {"conditions": (lambda at: Acceleration(box=at.upper, x=1e3),)},
@@ -115,13 +125,19 @@ CONDITIONS: dict[str, Changes] = {
     "initial spin": {"conditions": (lambda at: InitialVelocity(box=at.everywhere, spin=_spin(at)),)},
     "initial displacements": {"conditions": (lambda at: InitialDisplacement(box=at.middle, x=1e-9),)},
     "an early end": {"run.until": "split"},
+    "initial contents": {"conditions": (lambda at: InitialConcentration(box=at.middle, value=0.1),)},
     "profiles of loads": {"profile": RISING},
+    "probes": {"probe": True},
 }
 EXECUTION: dict[str, Changes] = {
     "thesis mode": {"mode": "thesis"},
     "single precision": {"precision": "float32"},
     "OpenCL": {"run.device": "opencl"},
     "MPI ranks": {"ranks": True},
+    "kernels of blocks": {"kernel": "blocks"},
+    "repeated runs with shorter steps": {"disturbances": ("step",)},
+    "repeated runs with shifted cracks": {"disturbances": ("notch",)},
+    "repeated runs with shifted nodes": {"disturbances": ("noise",)},
 }
 MATERIALS: dict[str, Changes] = {
     "brittle bonds": {"material.model": "bond", "material.law": "brittle"},
@@ -136,6 +152,9 @@ MATERIALS: dict[str, Changes] = {
     "correspondence with neo hooke": SOLID | {"material.solid": "neo hooke"},
     "correspondence with j2": SOLID | {"material.solid": "j2", "material.yield_stress": 1e8},
     "correspondence in rate form": SOLID | {"material.form": "rate"},
+    "correspondence of order 2": SOLID | {"material.order": 2},
+    "correspondence with control wan": SOLID | {"material.control": "wan"},
+    "correspondence with control breitzman-dayal": SOLID | {"material.control": "breitzman-dayal"},
     "micropolar": {"material.model": "micropolar", "material.nu": 0.22},
     "micropolar with cohesive bonds": {
         "material.model": "micropolar",
@@ -153,7 +172,8 @@ GROUPS = {
     "Execution": EXECUTION,
 }
 SAMPLES: dict[str, Changes] = {name: changes for group in GROUPS.values() for name, changes in group.items()}
-OF_MOTION = ("material.", "conditions", "contact", "regions", "rigid", "profile", "run.static")
+OF_MOTION = ("material.", "contact", "regions", "profile", "run.static")
+OPTIONS = ("mode", "precision", "ranks", "kernel", "disturbances")
 
 
 class Sample(NamedTuple):
@@ -169,8 +189,14 @@ def together(first: str, second: str) -> Changes | None:
     if any(one[key] != two[key] for key in one.keys() & two.keys() if key != "conditions"):
         return None
     changes = one | two | {"conditions": (*one.get("conditions", ()), *two.get("conditions", ()))}
-    still = changes.get("physics") == "diffusion" and any(key.startswith(OF_MOTION) for key in one | two)
+    still = physics_of(changes) == "diffusion" and any(key.startswith(OF_MOTION) for key in changes)
     return None if still else changes
+
+
+def physics_of(changes: Changes) -> str:
+    """The physics of a model with these changes: that of their medium if they say none."""
+    usual = "diffusion" if "medium.C_solid" in changes else "thermoelastic"
+    return str(changes.get("physics", usual if any(name.startswith("medium.") for name in changes) else "mechanics"))
 
 
 def pairs() -> Iterator[tuple[str, str]]:
@@ -187,12 +213,17 @@ def sample(changes: Changes) -> Sample:
 def case_of(changes: Changes) -> Case:
     """The settings and the options of the model with these changes."""
     dimension = changes.get("dimension", 2)
-    at, settings = places_of(dimension), Settings(material=BOND, horizon=Horizon(3.0), run=Run(steps=4, every=2))
+    physics = physics_of(changes)
+    medium = {"mechanics": None, "diffusion": Medium(D=1.0), "thermoelastic": HEAT}[physics]
+    usual = {"physics": physics, "medium": medium, "material": BOND, "horizon": Horizon(3.0)}
+    at, settings = places_of(dimension), Settings(**usual, run=Run(steps=4, every=2))
     for name, value in changes.items():
-        if "." in name or name in ("physics", "medium", "contact"):
+        if "." in name or name in ("contact", "area_rule"):
             settings = _changed(settings, name.split("."), value)
     if changes.get("gap"):
         settings = _changed(settings, ["run", "gaps"], (Gap("gap", at.mouth),))
+    if changes.get("probe"):
+        settings = _changed(settings, ["run", "probes"], at.mouth[:1])
     if settings.physics == "thermoelastic":
         settings = _changed(_changed(settings, ["material", "alpha"], 1e-6), ["material", "T0"], 300.0)
     if changes.get("regions"):
@@ -207,13 +238,13 @@ def case_of(changes: Changes) -> Case:
         striker = tuple(range(first, first + STRIKER[dimension]))
         conditions = (*conditions, RigidBody(nodes=striker, mass=1.0, x=-1e-3))
     settings = msgspec.structs.replace(settings, run=_steps(settings), conditions=conditions)
-    options = {name: changes[name] for name in ("mode", "precision", "ranks") if name in changes}
+    options = {name: changes[name] for name in OPTIONS if name in changes}
     return Case(settings, dimension, **options)
 
 
 def refused(changes: Changes) -> str:
     """The sentence with which the model of these changes is refused; "" if it is not."""
-    wrong = next(impossible(*case_of(changes)), None)
+    wrong = next(impossible(case_of(changes)), None)
     return "" if wrong is None else str(wrong)
 
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from pdmesh.model import unused_settings
 from pdmesh.model.amounts import MUCH, damping_warning
 from pdmesh.model.cohesive_softening import COARSE, characteristic_length, largest_horizon
-from pdmesh.model.document import MOST, Displacement, InitialVelocity, Timed
+from pdmesh.model.contradictions import Case
+from pdmesh.model.document import Displacement, InitialVelocity, Timed
 from pdmesh.model.graphs import tree_of
 from pdmesh.model.lattice_calibration import along_axes, lattice_ratios
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
@@ -34,7 +35,6 @@ from pdsolve.state import State
 POINT = 2  # nodes of a support that is a point
 CONVEX = 1e-3  # of the area: what chords of curves may lack
 USUAL_RATIO = 3.0  # of horizon to spacing
-LEAST = 1e-30  # of a material's numbers, likewise
 SAME = 1e-6  # spacings: nodes this near are at one place but for round-off
 CLOSE = 0.1  # spacings: nodes this near make the stable step tiny
 JUMP = 2.5  # spacing of a node over that of the nearest: more than the 2 that zones are graded by
@@ -74,22 +74,19 @@ def nearest(model: Model) -> Nearest:
 def refuse_combinations(model: Model, options: Options) -> None:
     """Raise ModelError for features of a model and of its run that exclude each other."""
     ranks = options.team is not None
-    for wrong in impossible(model.settings, model.grid.dimension, options.mode, options.precision, ranks):
+    case = Case(model.settings, model.grid.dimension, options.mode, options.precision, ranks, options.kernel)
+    for wrong in impossible(case):
         raise ModelError(f"{model.name}: {wrong}")
 
 
 def refuse_numbers(model: Model, partial_cells: bool) -> None:
-    """Raise ModelError for a model without stiffness, or numbers out of range.
+    """Raise ModelError for a model of an unknown law or without stiffness.
 
     `partial_cells` tells whether the family extends half a spacing beyond the horizon.
     """
     for number, material in enumerate(model.materials):
         place = model.place_of(number)
         law_named(material, place)
-        for name in ("E", "rho", "G0"):
-            value = getattr(material, name)
-            if value < LEAST:
-                raise ModelError(f"{place}.{name} is {value:g}; use {LEAST:g} to {MOST:g} in SI units")
         ratio = model.settings.horizon.ratio
         if material.law == "cohesive" and (widest := _widest(model, number)) >= largest_horizon(material, ratio):
             raise ModelError(

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -46,9 +46,6 @@ from pdmesh.model.values_at_places import values_at, vectors_at
 from pdmesh.model.values_of_place import Value, is_of_place
 
 PARTS = {"mechanics": ("material",), "diffusion": ("medium",), "thermoelastic": ("material", "medium")}
-NEEDED = {"material": "E, rho and G0", "medium": "D"}
-REGIONS = {"material": ("material", "regions"), "medium": ("medium", "media")}
-CONDITIONS = {"material": get_args(OfMechanics), "medium": get_args(OfDiffusion)}
 
 
 class ModelWarning(UserWarning):
@@ -86,7 +83,6 @@ class Model:
         large = beyond(self.settings, "$")
         if large is not None:
             raise ModelError(f"{self.name}: {large}")
-        self._check_end(self.settings.run)
         if self.grid.lattice is None:
             self._check_places()
         try:
@@ -95,19 +91,6 @@ class Model:
                 object.__setattr__(self, "grid", without_bonds(self.grid, self.settings, self.name))
         except GridError as error:
             raise ModelError(str(error)) from None
-        if not self.diffuses:
-            refused, what = ("space", "a plate") if self.grid.dimension == 2 else ("strain", "a body in space")
-            assert self.settings.material is not None
-            if self.settings.material.plane == refused:
-                expected = "stress or strain" if self.grid.dimension == 2 else "space"
-                raise ModelError(f"{self.name}: $.material.plane is '{refused}'; use {expected} in {what}")
-        for number, region in enumerate(self.settings.regions):
-            for name in ("plane", "sight", "gamma"):
-                value, elsewhere = (getattr(material, name) for material in (region.material, self.settings.material))
-                if value != elsewhere:
-                    raise ModelError(
-                        f"{self.name}: $.regions[{number}].material.{name} is '{value}'; use '{elsewhere}' as elsewhere"
-                    )
 
     def _resolve_fracture_energies(self) -> None:
         """Give materials with a critical stretch their fracture energy. Raises ModelError."""
@@ -131,27 +114,12 @@ class Model:
         return (region.material for region in self.settings.regions)
 
     def _check_physics(self) -> None:
-        settings, physics = self.settings, self.settings.physics
-        for part, needed in NEEDED.items():
-            if part in PARTS[physics] and getattr(settings, part) is None:
+        for part in PARTS[self.settings.physics]:
+            if getattr(self.settings, part) is None:
+                needed, first = ("E, rho and G0", "E") if part == "material" else ("D", "D")
                 raise ModelError(
                     f"{self.name}: $.{part} is missing; give {needed} (in the file, a --settings TOML or --set"
-                    f" {part}.{needed.split(',')[0]}=...)"
-                )
-            for name in REGIONS[part]:
-                if part not in PARTS[physics] and getattr(settings, name):
-                    needed_physics = next(physics_name for physics_name, parts in PARTS.items() if parts == (part,))
-                    both = ", or 'thermoelastic' with its alpha and T0" if physics == "diffusion" else ""
-                    raise ModelError(
-                        f"{self.name}: $.{name} cannot be used; leave it out, or use physics = '{needed_physics}'{both}"
-                    )
-        kinds = tuple(kind for part in PARTS[physics] for kind in CONDITIONS[part])
-        for number, condition in enumerate(settings.conditions):
-            if not isinstance(condition, kinds):
-                expected = ", ".join(str(kind.__struct_config__.tag) for kind in kinds)
-                raise ModelError(
-                    f"{self.name}: $.conditions[{number}] is {condition.__struct_config__.tag}; use one of"
-                    f" {expected}, as the physics is {physics}"
+                    f" {part}.{first}=...)"
                 )
 
     @property
@@ -208,14 +176,6 @@ class Model:
             at = int(same.argmax())
             first, second = sorted(self.grid.ids[order[at : at + 2]].tolist())
             raise ModelError(f"{self.name}: $.nodes: {first} and {second} are at the same place; move them apart")
-
-    def _check_end(self, run: Run) -> None:
-        if run.until == "quiet" and run.quiet is None:
-            raise ModelError(f"{self.name}: $.run.quiet is missing; give seconds, as until is quiet")
-        if run.until is None and run.quiet is not None:
-            raise ModelError(
-                f"{self.name}: $.run.quiet ({run.quiet:g}) is not used, as until is not quiet; leave it out"
-            )
 
     @cached_property
     def materials(self) -> tuple[Material, ...]:

@@ -265,8 +265,8 @@ MUTANTS = (
     ),
     Mutant(
         "pdsolve/laws/__init__.py",
-        "common_law = bilinear.LAW if others else first",
-        "common_law = first",
+        "common_law = laws[0] if all(law is laws[0] for law in laws) else bilinear.LAW",
+        "common_law = laws[0]",
         "tests/laws/test_table.py",
     ),
     Mutant(

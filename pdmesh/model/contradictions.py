@@ -13,10 +13,12 @@ import msgspec
 
 from pdmesh.messages import unfit
 from pdmesh.model.document import ARC, CRACK, MOST, Fatigue, ParticleRules, Run, Settings
+from pdmesh.model.lattice_calibration import has_partial_cells
 from pdmesh.model.material import Expansion, Material, missing, switch_of
-from pdmesh.model.materials import KINDS, Refusal, Refusals, refused_by
+from pdmesh.model.materials import KINDS, MIXED, Refusal, Refusals, law_name, refused_by
 from pdmesh.model.materials.kind import softens
-from pdmesh.model.medium import Medium, contradiction
+from pdmesh.model.mechanical_conditions import RigidBody
+from pdmesh.model.medium import Medium, Solid, contradiction
 from pdmesh.model.output_fields import OF_CONTENT
 from pdmesh.model.output_fields import USUAL as USUAL_FIELDS
 
@@ -25,6 +27,7 @@ FEWEST = 12.0  # spacings in the horizon with which collocation need not be aske
 LOSSY = "with fewer the seam is damped, which takes more than 60 % of the work from a struck plate with 4"
 USUAL = Material(E=1.0, rho=1.0, G0=1.0)
 LEAST = 1e-100  # products of a few smaller ones are 0
+LEAST_OF_MATERIAL = 1e-30  # likewise, of E, rho and G0
 
 
 class Impossible(NamedTuple):
@@ -49,6 +52,8 @@ class Case(NamedTuple):
     mode: str = "conservative"
     precision: str = "float64"
     ranks: bool = False  # whether the run is on MPI ranks
+    kernel: str | None = None  # that the caller asks for
+    disturbances: tuple[str, ...] = ()  # notch, step, noise: those by which a study repeats the run
 
     @property
     def materials(self) -> Places:
@@ -66,6 +71,7 @@ class Case(NamedTuple):
 def contradictions(case: Case) -> Iterator[Impossible]:
     """Settings that contradict each other, or are missing."""
     settings, run = case.settings, case.settings.run
+    yield from _of_materials_together(case)
     for place, material in case.materials:
         yield from of_material(material, place)
         if settings.physics == "thermoelastic":
@@ -84,6 +90,42 @@ def contradictions(case: Case) -> Iterator[Impossible]:
         yield from _of_zones(case)
     if case.materials and run.cracks == "particles":
         yield from _of_particles(run.particles)
+    yield from _of_settings_that_need_others(settings)
+
+
+def _of_settings_that_need_others(settings: Settings) -> Iterator[Impossible]:
+    """Rigid bodies without contact, solids of nothing, and a time without broken bonds that is not given, or not waited
+    for."""
+    run, medium = settings.run, settings.medium
+    for number, condition in enumerate(settings.conditions):
+        if isinstance(condition, RigidBody) and settings.contact is None:
+            yield Impossible("$.contact", "none", "it, as a body is rigid")
+        if isinstance(condition, Solid) and medium is not None and medium.C_solid is None:
+            yield Impossible(f"$.conditions[{number}]", "solid", "none, as the medium has no C_solid and C_sat")
+    if run.until == "quiet" and run.quiet is None:
+        yield Impossible("$.run.quiet", "none", "seconds, as until is quiet")
+    if run.until is None and run.quiet is not None:
+        yield Impossible("$.run.quiet", f"{run.quiet:g}", "none, as until is not quiet")
+
+
+def _of_materials_together(case: Case) -> Iterator[Impossible]:
+    """Materials that are not of the plate's or the body's dimension, or that differ where all are alike."""
+    settings, first = case.settings, case.settings.material
+    if settings.physics == "diffusion" or first is None:
+        return
+    if first.plane == ("space" if case.dimension == 2 else "strain"):
+        use = "stress or strain in a plate" if case.dimension == 2 else "space in a body in space"
+        yield Impossible("$.material.plane", f"'{first.plane}'", use)
+    for number, region in enumerate(settings.regions):
+        place = f"$.regions[{number}].material"
+        for name in ("plane", "sight", "gamma"):
+            value, elsewhere = getattr(region.material, name), getattr(first, name)
+            if value != elsewhere:
+                yield Impossible(f"{place}.{name}", f"'{value}'", f"'{elsewhere}' as elsewhere")
+        law, elsewhere = law_name(region.material), law_name(first)
+        if law != elsewhere and not {law, elsewhere} <= MIXED:
+            key, use = "law" if first.model == region.material.model else "model", f"the law of $.material, {elsewhere}"
+            yield Impossible(f"{place}.{key}", f"'{law}'", f"{use}: bonds between them have one")
 
 
 def of_material(material: Material, place: str) -> Iterator[Impossible]:
@@ -98,6 +140,9 @@ def _refusals(material: Material) -> Refusals:
     """Settings that a material's kind does not use or refuses, and parameters that a word asks for and that are not
     given."""
     kind = KINDS[material.model]
+    for name in ("E", "rho", "G0"):
+        if 0 < getattr(material, name) < LEAST_OF_MATERIAL:  # a G0 of 0 follows from the critical stretch
+            yield Refusal(name, f"{LEAST_OF_MATERIAL:g} to {MOST:g} in SI units")
     for name, usual in refused_by(kind.name):
         if getattr(material, name) != usual:
             yield Refusal(name, f"none with model '{kind.name}'")
@@ -145,6 +190,9 @@ def _of_zones(case: Case) -> Iterator[Impossible]:
     if run.adapt == "collocation" and ratio < FEWEST and not run.collocation.damped:
         value = f"false with {ratio:g} spacings in the horizon"
         yield Impossible("$.run.collocation.damped", value, f"true, or at least {FEWEST:g} spacings: {LOSSY}")
+    least, most = _horizons_of_zones(case)
+    if not least <= ratio <= most:
+        yield Impossible("$.horizon.ratio", f"{ratio:g}", f"{least:g} to {most:g}{why}")
     if run.adapt == "split" and not run.split.merge < run.split.threshold:
         less = f"less than the threshold, {run.split.threshold:g}{why}"
         yield Impossible("$.run.split.merge", f"{run.split.merge:g}", less)
@@ -153,6 +201,16 @@ def _of_zones(case: Case) -> Iterator[Impossible]:
         for place, material in case.materials:
             if material.micromodulus != first:
                 yield Impossible(f"{place}.micromodulus", f"'{material.micromodulus}'", f"{first}, as elsewhere{why}")
+
+
+def _horizons_of_zones(case: Case) -> tuple[float, float]:
+    """The least and the largest horizon that an adaptivity can have, in spacings."""
+    if case.settings.run.adapt == "collocation":
+        return 3.0, 32.0
+    if case.settings.run.adapt != "hybrid" or case.dimension == 3:
+        return 1.0, 64.0
+    # half of a family has a bit of 64 for each bond, and families whose cells count in part are half a spacing wider
+    return 1.0, 5.5 if any(has_partial_cells(material) for _, material in case.materials) else 6.0
 
 
 def _of_particles(rules: ParticleRules) -> Iterator[Impossible]:

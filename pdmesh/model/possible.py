@@ -9,12 +9,13 @@ refused where nodes are.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from itertools import islice
-from typing import Any, NamedTuple
+from functools import cache
+from typing import Any, NamedTuple, get_args
 
 import msgspec
 import numpy as np
 
+from pdmesh.messages import listed
 from pdmesh.model.contradictions import Case, Impossible, contradictions
 from pdmesh.model.document import (
     ARC,
@@ -25,15 +26,18 @@ from pdmesh.model.document import (
     GridError,
     InitialDisplacement,
     InitialVelocity,
+    OfDiffusion,
+    OfMechanics,
     Pin,
     Settings,
     Spring,
     Velocity,
 )
 from pdmesh.model.material import USUAL_LAW, Material
+from pdmesh.model.materials import MIXED
 from pdmesh.model.materials.kind import softens
 from pdmesh.model.materials.solids import SOLIDS
-from pdmesh.model.mechanical_conditions import RigidBody
+from pdmesh.model.mechanical_conditions import Grip, RigidBody
 from pdmesh.model.unused_settings import USUAL, value_of, word
 
 Occurrences = Iterator[tuple[str, str]]  # places and values there
@@ -65,18 +69,37 @@ def setting(name: str, *values: object) -> Recognise:
     def occurrences(case: Case) -> Occurrences:
         value = value_of(case.settings, name)
         if value in values if values else value is not None and value != usual:
-            text = "some" if isinstance(value, msgspec.Struct | tuple) else word(value)
+            text = "some" if isinstance(value, tuple) else word(value)
             yield f"$.{name}", f"'{value}'" if isinstance(value, str) else text
 
     return occurrences
 
 
-def option(name: str, value: object) -> Recognise:
-    """An option of a run with this value."""
+def present(*names: str) -> Recognise:
+    """Settings of these names that are there at all."""
 
     def occurrences(case: Case) -> Occurrences:
-        if getattr(case, name) == value:
-            yield name, word(value)
+        return ((f"$.{name}", "some") for name in names if value_of(case.settings, name))
+
+    return occurrences
+
+
+def option(name: str, *values: object) -> Recognise:
+    """An option of a run with one of these values."""
+
+    def occurrences(case: Case) -> Occurrences:
+        if getattr(case, name) in values:
+            yield name, word(getattr(case, name))
+
+    return occurrences
+
+
+def disturbances(name: str) -> Recognise:
+    """A disturbance by which a study repeats runs."""
+
+    def occurrences(case: Case) -> Occurrences:
+        if name in case.disturbances:
+            yield f"repeat.{name}", "some"
 
     return occurrences
 
@@ -88,7 +111,7 @@ def conditions(*kinds: type, key: str = "") -> Recognise:
         for number, condition in enumerate(case.settings.conditions):
             if isinstance(condition, kinds) and (not key or np.any(getattr(condition, key))):
                 value: Any = getattr(condition, key) if key else condition.__struct_config__.tag
-                text = f"{len(value)} points" if key == "profile" else str(value)
+                text = f"{len(value)} points" if key == "profile" else word(value)
                 yield f"$.conditions[{number}]{key and f'.{key}'}", text
 
     return occurrences
@@ -126,12 +149,22 @@ def regions(case: Case) -> Occurrences:
         yield "$.regions", f"{len(case.materials)} materials"
 
 
+def rebound(case: Case) -> Occurrences:
+    """A restitution with which bodies rebound more slowly."""
+    if case.settings.contact is not None and case.settings.contact.restitution < 1:
+        yield "$.contact.restitution", word(case.settings.contact.restitution)
+
+
 AT_REST, BREAKING, GROWN = setting("run.solver", "static"), setting("run.cracks", "bonds"), setting("run.cracks")
 MOTION, ARC_LENGTH = setting("physics", "mechanics", "thermoelastic"), setting("run.static.control", ARC)
-LAWS = (USUAL_LAW, "bilinear", "cohesive")  # whose bonds break at rest
 OTHERS = "'bond', 'ordinary' or 'correspondence'"
 ROTATIONS = " (load steps solve for displacements, not for the rotations that 'micropolar' needs)"
 CONSERVATIVE = "conservative"
+
+
+def tags(conditions: Any) -> str:
+    """The names of kinds of conditions, as a choice."""
+    return listed(str(kind.__struct_config__.tag) for kind in get_args(conditions))
 
 
 def adaptive(*names: str) -> Recognise:
@@ -142,7 +175,11 @@ def adaptive(*names: str) -> Recognise:
 # Physics
 DIFFUSION = Feature("diffusion", setting("physics", "diffusion"), "mechanics", ", as the physics is diffusion")
 HEAT = Feature("thermal stress", setting("physics", "thermoelastic"), "mechanics", ", as the physics is thermoelastic")
-MECHANICS = Feature("mechanics", setting("physics", "mechanics"), why=" of mechanics")
+MECHANICS = Feature("mechanics", setting("physics", "mechanics"), why=", as the physics is mechanics")
+MATERIAL = Feature("materials", present("material", "regions"))
+MEDIUM = Feature("media", present("medium", "media"))
+MECHANICAL = Feature("mechanical conditions", conditions(*get_args(OfMechanics)), tags(OfDiffusion))
+CONTENTS = Feature("conditions of a content", conditions(*get_args(OfDiffusion)), tags(OfMechanics))
 SOLID = Feature("dissolution", setting("medium.C_solid"))
 KINETIC = Feature(
     "kinetic dissolution", setting("medium.dissolution", "kinetic"), "enthalpy", ", as the dissolution is kinetic"
@@ -172,7 +209,7 @@ AFTER = Feature(
     "motion after a path", both(setting("run.after", "motion"), AT_REST), "path or stop", ", as run.after is motion"
 )
 START = Feature("a static start", setting("run.start"), "unloaded", ", as run.start is static")
-FATIGUE = Feature("fatigue", both(setting("run.fatigue"), AT_REST), why=" in fatigue analysis")
+FATIGUE = Feature("fatigue", both(present("run.fatigue"), AT_REST), why=" in fatigue analysis")
 BOND_FATIGUE = Feature("fatigue of bonds", both(FATIGUE.occurrences, BREAKING), why=" in fatigue analysis")
 PROFILE = Feature("profiles of loads", conditions(Condition, key="profile"))
 DAMPING = Feature("damping", setting("run.damping"))
@@ -202,7 +239,8 @@ PARTICLES_AT_REST = Feature(
 )
 REGIONS = Feature("several materials", regions, "one")
 # Conditions
-CONTACT = Feature("contact", setting("contact"), why=", as bodies touch")
+CONTACT = Feature("contact", present("contact"), why=", as bodies touch")
+RESTITUTION = Feature("a restitution below 1", rebound, "1")
 RIGID = Feature("rigid bodies", conditions(RigidBody), why=", as a body is rigid")
 SPRINGS = Feature("springs", conditions(Spring), "a load, a displacement or a velocity")
 PINS = Feature("pins", conditions(Pin), "a load, a displacement or a velocity")
@@ -210,6 +248,7 @@ ACCELERATION = Feature("accelerations", conditions(Acceleration), "a load, a dis
 VELOCITY = Feature("velocities", conditions(Velocity, InitialVelocity))
 SPIN = Feature("an initial spin", conditions(InitialVelocity, key="spin"), "0")
 ABSORB = Feature("absorbing layers", conditions(Absorb), "a load, a displacement or a velocity")
+CORRECTED = Feature("corrected grips", conditions(Grip, key="corrected"), "false")
 DISPLACED = Feature("initial displacements", conditions(InitialDisplacement))
 # Materials
 STATE_BASED = Feature("state-based and micropolar models", models("ordinary", "correspondence", "micropolar"), "bond")
@@ -217,11 +256,8 @@ ORDINARY = Feature("ordinary", models("ordinary"), "bond")
 CORRESPONDENCE = Feature("correspondence", models("correspondence"), "bond or ordinary")
 MICROPOLAR = Feature("micropolar", models("micropolar"), "bond or ordinary")
 BEAMS = Feature("micropolar beams", materials("model", lambda m: m.model == "micropolar" and not softens(m)), OTHERS)
-CURVED = Feature("cohesive or own laws", materials("law", lambda m: m.law not in LAWS[:2]), f"{USUAL_LAW} or bilinear")
+CURVED = Feature("cohesive or own laws", materials("law", lambda m: m.law not in MIXED), f"{USUAL_LAW} or bilinear")
 COHESIVE = Feature("cohesive bonds", materials("law", lambda m: m.law == "cohesive"), f"{USUAL_LAW} or bilinear")
-OWN = Feature(
-    "bonds of your own law", materials("law", lambda m: softens(m) and m.law not in LAWS), " or ".join(map(repr, LAWS))
-)
 LAW = Feature("laws other than brittle", materials("law", lambda m: m.law != USUAL_LAW), USUAL_LAW)
 DIFFRACTION = Feature("diffraction", materials("sight", lambda m: m.sight != "visibility"), "visibility")
 COARSE = Feature("strengths of coarse bonds", materials("coarse", lambda m: m.coarse != "own"), "own")
@@ -248,7 +284,11 @@ HISTORY = Feature(
 THESIS = Feature("thesis mode", option("mode", "thesis"), CONSERVATIVE, " in the thesis mode")
 SINGLE = Feature("single precision", option("precision", "float32"), "float64")
 DEVICE = Feature("OpenCL", setting("run.device"), "cpu", ", as run.device is {}")
+KERNEL = Feature("kernels of blocks", option("kernel", "blocks", "hybrid", "collocation"), "listed")
 RANKS = Feature("MPI ranks", option("ranks", True), why=" on many ranks")
+SHORTER = Feature("shorter steps of repeated runs", disturbances("step"), "none (notch and noise can)")
+SHIFTED = Feature("shifted cracks of repeated runs", disturbances("notch"), "none (step and noise can)")
+NOISE = Feature("shifted nodes of repeated runs", disturbances("noise"), "none (notch and step can)")
 
 
 def excluded(by: Feature, *features: Feature, use: str = "", because: str = "") -> Iterator[Exclusion]:
@@ -262,13 +302,15 @@ UNHELD = " (dynamic relaxation cannot distinguish slow convergence from free mot
 LAST = "bond (or --adapt none; version 1.0.0 was the last with zones of ordinary solids)"
 TABLE: tuple[Exclusion, ...] = (
     *excluded(DIFFUSION, UNTIL, START, DAMPING, PROBES, PARTICLES, CONDUCTANCE, HEATING, EQ19, THESIS, SINGLE),
-    *excluded(DIFFUSION, STIFFNESS_DAMPING),
+    *excluded(DIFFUSION, STIFFNESS_DAMPING, KERNEL, MECHANICAL),
+    *excluded(DIFFUSION, MATERIAL, because=" (mechanics and thermoelastic have some)"),
     *excluded(DIFFUSION, STATIC, use="explicit or implicit"),
     *excluded(DIFFUSION, OTHER_ZONES),
     *excluded(KINETIC, IMPLICIT, use="explicit"),
     *excluded(KINETIC, COLLOCATION),
     *excluded(COLLOCATION, IMPLICIT, use="explicit"),
     *excluded(SPACE, ZONES, PARTICLES, EQ19, THESIS),
+    *excluded(SPACE, CORRECTED, SHIFTED),
     *excluded(SPACE, MICROPOLAR, use=OTHERS),
     *excluded(SPACE, PINS, use="none"),
     *excluded(BODIES, HEAT),
@@ -283,9 +325,11 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(RIGID, STIFFNESS_DAMPING),
     *excluded(START, DISPLACED, FLOW, RATE),
     *excluded(START, MICROPOLAR, use=OTHERS, because=ROTATIONS),
-    *excluded(MECHANICS, IMPLICIT),
+    *excluded(MECHANICS, IMPLICIT, CONTENTS),
+    *excluded(MECHANICS, MEDIUM, because=" (diffusion and thermoelastic have some)"),
     *excluded(STATIC, DAMPING, UNTIL, HISTORY, SINGLE),
-    *excluded(STATIC, STIFFNESS_DAMPING),
+    *excluded(STATIC, STIFFNESS_DAMPING, SHORTER),
+    *excluded(STATIC, RESTITUTION, because=" (nothing bounces)"),
     *excluded(FLOW, SINGLE),
     *excluded(STATIC, START, use="none"),
     *excluded(STATIC, VELOCITY, ACCELERATION, DISPLACED, ABSORB, RIGID, use="a load or a displacement"),
@@ -299,14 +343,14 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(FATIGUE, FLOATING, COUNT, HEAT, LAW),
     *excluded(FATIGUE, PROFILE, because=" (the loads of the model are the maximum loads of a cycle)"),
     *excluded(BOND_FATIGUE, STATE_BASED, THESIS),
-    *excluded(ADAPTIVE, AREA_RULE, STATIC, START, COARSE, ACCELERATION, SPRINGS, PINS, SPIN, DISPLACED),
+    *excluded(ADAPTIVE, NOISE, AREA_RULE, STATIC, START, COARSE, ACCELERATION, SPRINGS, PINS, SPIN, DISPLACED),
     *excluded(HYBRID, HEATING, because=" (coarse nodes have no heat of deformation)"),
     *excluded(HYBRID, CURVED, DIFFRACTION, THESIS),
     *excluded(PLATES, ORDINARY, use=LAST),
     *excluded(ADAPTIVE, STATE_BASED, use="bond (or --adapt none)"),
     *excluded(ADAPTIVE, STIFFNESS_DAMPING, because=" (the march of moving zones has no stiffness matrix)"),
     *excluded(STIFFNESS_DAMPING, STATE_BASED, because=" (bonds that break leave other families as they are)"),
-    *excluded(SPLIT, LAW, ABSORB, SINGLE),
+    *excluded(SPLIT, LAW, ABSORB, SINGLE, KERNEL),
     *excluded(BONDS_COLLOCATED, DAMPING, use="0"),
     *excluded(BONDS_COLLOCATED, REGIONS, LAW, ABSORB, DIFFRACTION, THESIS, SINGLE),
     *excluded(PARTICLES, STIFFNESS_DAMPING),
@@ -325,31 +369,28 @@ TABLE: tuple[Exclusion, ...] = (
 )
 
 
-def impossible(
-    settings: Settings, dimension: int, mode: str = CONSERVATIVE, precision: str = "float64", ranks: bool = False
-) -> Iterator[Impossible]:
-    """What cannot be combined, in a plate (2) or a body in space (3), with these options of a run."""
-    if settings.run.adapt == "auto" and not ranks:  # where hybrid is refused, that is none
-        settings = msgspec.structs.replace(settings, run=msgspec.structs.replace(settings.run, adapt="none"))
-    case = Case(settings, dimension, mode, precision, ranks)
+def impossible(case: Case) -> Iterator[Impossible]:
+    """What cannot be combined in a model and the options of its run."""
+    if case.settings.run.adapt == "auto" and not case.ranks:  # where hybrid is refused, that is none
+        run = msgspec.structs.replace(case.settings.run, adapt="none")
+        case = case._replace(settings=msgspec.structs.replace(case.settings, run=run))
+    first = cache(lambda feature: next(feature.occurrences(case), None))
     for feature, by, use, because in TABLE:
-        for _, value in islice(by.occurrences(case), 1):
-            why = by.why.format(value.strip("'")) + because
-            yield from (Impossible(*occurrences, use + why) for occurrences in feature.occurrences(case))
+        excluder = first(by)
+        if excluder is not None:
+            why = by.why.format(excluder[1].strip("'")) + because
+            yield from (Impossible(*occurrence, use + why) for occurrence in feature.occurrences(case))
     yield from contradictions(case)
 
 
 def excluded_from(case: Case) -> list[str]:
     """The names of the features that exclude, or are excluded by, those of a model."""
-    names = []
-    for feature, by, *_ in TABLE:
-        there = [next(each.occurrences(case), None) is not None for each in (feature, by)]
-        if any(there) and not all(there):
-            names.append((by if there[0] else feature).name)
-    return sorted(set(names))
+    there = cache(lambda feature: next(feature.occurrences(case), None) is not None)
+    rows = ((feature, by) for feature, by, *_ in TABLE if there(feature) != there(by))
+    return sorted({(by if there(feature) else feature).name for feature, by in rows})
 
 
 def refuse(settings: Settings, dimension: int, name: str) -> None:
     """Raise GridError for impossible settings of the file called `name`."""
-    for wrong in impossible(settings, dimension):
+    for wrong in impossible(Case(settings, dimension)):
         raise GridError(f"{name}: {wrong}")

@@ -30,8 +30,6 @@ def without_bonds(grid: Grid, settings: Settings, name: str) -> Grid:
     body_records = tuple(rigid_bodies(grid, settings))
     if not body_records:
         return grid
-    if settings.contact is None:
-        raise GridError(f"{name}: $.contact is missing, as a body is rigid; give it")
     numbers = []
     for body, rows, number in body_records:
         place = f"$.conditions[{number}]"

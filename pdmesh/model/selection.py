@@ -152,8 +152,6 @@ def _check_components(condition: AnyCondition, dimension: int, place: str) -> No
             raise GridError(f"{place}{wrong}")
     elif isinstance(condition, InitialVelocity) and (wrong := wrong_spin(condition.spin, dimension)) is not None:
         raise GridError(f"{place}.{wrong}")
-    elif dimension == 3 and getattr(condition, "corrected", False):
-        raise GridError(f"{place}.corrected is true; use false in {WHOLES[3]}")
     elif dimension == 2 and getattr(condition, "z", None) not in (None, 0.0):
         raise GridError(f"{place}.z cannot be used in {WHOLES[2]}; leave it out")
 

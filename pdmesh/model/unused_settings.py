@@ -23,14 +23,17 @@ class Used(NamedTuple):
     expected: str = ""  # in words, where they say more than the switches
     instead: str | None = None  # what the first switch is where nothing is used; of other words nothing is known
 
+    def why_not(self, settings: Settings) -> str:
+        """Why a run does not use them; "" if it does."""
+        first, _ = self.switches[0]
+        actual = value_of(settings, first)
+        unknown = actual is None or self.instead not in (None, actual)
+        used = unknown or any(_is_on(settings, name, value) for name, value in self.switches)
+        return "" if used else f"not used with {first} {actual}"
 
-class Unused(NamedTuple):
-    """Settings that a run does not use."""
-
-    names: tuple[str, ...]  # dotted
-    switch: str  # that is to blame, dotted
-    actual: object  # what that is
-    expected: str
+    def use(self) -> str:
+        """What to use to have an effect of them."""
+        return self.expected or " or ".join(f"{name} {value}" for name, value in self.switches)
 
 
 def _of_materials() -> Iterator[Used]:
@@ -49,6 +52,7 @@ def _of_materials() -> Iterator[Used]:
 GIVEN = "given"  # as the value of a switch: any
 OF_TIME = (("run.solver", "explicit"), ("run.solver", "implicit"), ("physics", "thermoelastic"))
 TABLE = (
+    Used(("contact",), (("physics", "mechanics"), ("physics", "thermoelastic"))),
     Used(("run.theta",), (("run.solver", "implicit"), ("physics", "thermoelastic"))),
     Used(("run.split",), (("run.adapt", "split"),)),
     Used(("run.collocation",), (("run.adapt", "collocation"),)),
@@ -86,27 +90,13 @@ TABLE = (
 )
 
 
-def unused(settings: Settings) -> Iterator[Unused]:
-    """Settings that a run does not use, whether or not they were given; names may be those of structs."""
-    for row in TABLE:
-        first, _ = row.switches[0]
-        setting_value = value_of(settings, first)
-        if (
-            setting_value is not None
-            and row.instead in (None, setting_value)
-            and not any(_is_on(settings, name, value) for name, value in row.switches)
-        ):
-            expected = row.expected or " or ".join(f"{name} {value}" for name, value in row.switches)
-            yield Unused(row.names, first, setting_value, expected)
-
-
 def in_vain(settings: Settings, names: Iterable[str]) -> str | None:
     """Message about the first of these dotted names that was given but is not used; None if all are used."""
-    rows = list(unused(settings))
+    rows = [(row, why) for row in TABLE if (why := row.why_not(settings))]
     for name in names:
-        for row in rows:
+        for row, why in rows:
             if any(name == unheard or name.startswith(f"{unheard}.") for unheard in row.names):
-                return f"{name} is not used with {row.switch} {row.actual}; leave it out, or use {row.expected}"
+                return f"{name} is {why}; leave it out, or use {row.use()}"
     return None
 
 
@@ -118,7 +108,8 @@ def remarks(settings: Settings) -> list[str]:
         words = tuple(value if isinstance(value, str) else None for value in msgspec.structs.astuple(region.material))
         region_settings = msgspec.structs.replace(settings, material=region.material, run=USUAL.run, medium=None)
         if words not in unheard:
-            leaves = (leaf for row in unused(region_settings) for name in row.names for leaf in _leaves(name))
+            rows = (row for row in TABLE if row.why_not(region_settings))
+            leaves = (leaf for row in rows for name in row.names for leaf in _leaves(name))
             unheard[words] = [leaf.removeprefix("material.") for leaf in leaves if leaf.startswith("material.")]
         if any(getattr(region.material, name) != getattr(usual, name) for name in unheard[words]):
             lines += _said(region_settings, f"$.regions[{number}]")
@@ -128,14 +119,17 @@ def remarks(settings: Settings) -> list[str]:
 def _said(settings: Settings, place: str) -> Iterator[str]:
     """Messages about given settings that are not used, each named once."""
     mentioned: set[str] = set()
-    for row in unused(settings):
+    for row in TABLE:
+        why = row.why_not(settings)
+        if not why:
+            continue
         names = [leaf for name in row.names for leaf in _leaves(name) if leaf not in mentioned]
         said = [name for name in names if value_of(settings, name) != value_of(USUAL, name)]
         mentioned.update(said)
         if said:
             named = ", ".join(f"{place}.{name}" for name in said)
             values = ", ".join(word(value_of(settings, name)) for name in said)
-            yield f"{named} ({values}) not used with {row.switch} {row.actual}; use {row.expected}"
+            yield f"{named} ({values}) {why}; use {row.use()}"
 
 
 # As everything is that is left out
@@ -167,4 +161,6 @@ def _leaves(name: str) -> Iterator[str]:
 
 def word(value: Any) -> str:
     """A value as messages show it."""
+    if isinstance(value, msgspec.Struct):
+        return "some"
     return f"{value:g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)

@@ -146,8 +146,7 @@ def begin(model: Model, drive: Drive) -> tuple[Array, NDArray[np.uint8]]:
     for number, condition in enumerate(model.settings.conditions):
         if isinstance(condition, Solid):
             place, rows = f"{model.name}: $.conditions[{number}]", model.selected(condition)
-            if medium.C_solid is None:
-                raise ModelError(f"{place} is a solid, without medium.C_solid and C_sat; give both, or leave it out")
+            assert medium.C_solid is not None
             if is_prescribed[rows].any():
                 node = model.grid.ids[rows[is_prescribed[rows]][0]]
                 raise ModelError(f"{place}: node {node} is solid and held; use one of them")

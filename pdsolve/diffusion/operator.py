@@ -24,7 +24,6 @@ from pdsolve.diffusion.collocation import Collocated
 from pdsolve.diffusion.walls import Array, Bonds
 from pdsolve.lattice.flux_operator import FluxesInList, FluxesInTiles
 from pdsolve.laws.fluxes import Dissolution
-from pdsolve.model import ModelError
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.unbreakable import UnbreakableOperator
 from pdsolve.state import Broken, State, Unknown
@@ -150,11 +149,9 @@ class Fick(UnbreakableOperator):
         return 2 * (faster * self.total + self.outside)
 
     def tangent(self, state: State) -> csr_array:
-        """Minus the derivative of the rates by the contents, (n, n), 1/s. Raises ModelError for a kinetic solid."""
+        """Minus the derivative of the rates by the contents, (n, n), 1/s, without a kinetic solid, whose rates jump."""
         from scipy.sparse import csr_array, diags_array
 
-        if self.kinetic:
-            raise ModelError("medium.dissolution is kinetic, whose rates jump; use enthalpy for a tangent")
         liquid = diags_array(self.follows(state.value[:, 0]).astype(float))
         rates = sum((part.tangent() for part in self._parts), -diags_array(self.outside))
         return csr_array(-rates @ liquid)

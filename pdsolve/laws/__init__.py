@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from dataclasses import replace
 
-from pdmesh.model.contradictions import of_material
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import BONDS_NU
 from pdmesh.spelling import meant
@@ -33,7 +32,6 @@ MODELS: dict[str, Law] = {  # of families, and of beams
     "correspondence": correspondence.LAW,
     "micropolar": micropolar.LAW,
 }
-MIXED = (brittle.LAW, bilinear.LAW)  # in one plate: a bilinear bond whose peak is its limit is brittle
 
 
 def limits(material: Material, bonds: Sizes) -> Limits:
@@ -46,16 +44,11 @@ def limits(material: Material, bonds: Sizes) -> Limits:
 def law_of(model: Model, matches_work: bool = True) -> Law:
     """The law of a model's bonds; `matches_work`: what they take from the motion is the area below its curve.
 
-    Raises ModelError for an unknown or impossible law, and for laws that cannot be combined. Warns if a material has a
-    measured Poisson's ratio that differs from that of its law.
+    Raises ModelError for an unknown law. Warns if a material has a measured Poisson's ratio that differs from that of
+    its law.
     """
-    laws: dict[str, Law] = {}
-    for number, material in enumerate(model.materials):
-        place = model.place_of(number)
-        name, law = law_named(material, place)
-        laws[name] = law
-        for wrong in of_material(material, place):
-            raise ModelError(str(wrong))
+    laws = [law_named(material, model.place_of(number)) for number, material in enumerate(model.materials)]
+    for material, law in zip(model.materials, laws, strict=True):
         fixed = BONDS_NU[material.plane]
         if law.pair is not None and material.nu is not None and abs(material.nu - fixed) > 0.01:
             warnings.warn(
@@ -63,32 +56,29 @@ def law_of(model: Model, matches_work: bool = True) -> Law:
                 ModelWarning,
                 stacklevel=2,
             )
-    first, *others = laws.values()
-    if others and any(law not in MIXED for law in laws.values()):
-        raise ModelError(f"{model.name}: law: {' and '.join(laws)} are in one plate; use one of them")
-    common_law = bilinear.LAW if others else first
+    common_law = laws[0] if all(law is laws[0] for law in laws) else bilinear.LAW  # of brittle and bilinear ones
     if common_law in (correspondence.LAW, wan.LAW) and any(material.solid == "j2" for material in model.materials):
         return plastic_correspondence.LAW
     return common_law if matches_work else replace(common_law, matches_work=False)
 
 
-def law_named(material: Material, place: str) -> tuple[str, Law]:
-    """The law of a material's bonds and its name. Raises ModelError for an unknown one."""
+def law_named(material: Material, place: str) -> Law:
+    """The law of a material's bonds. Raises ModelError for an unknown one."""
     if material.model != "bond":
         if material.control == "breitzman-dayal":
-            return f"{material.model} with {material.control}", breitzman_dayal.LAW
+            return breitzman_dayal.LAW
         if material.control == "wan":
-            return f"{material.model} with {material.control}", wan.LAW
+            return wan.LAW
         if material.order > 1 or material.constant_term:
-            return f"{material.model} of order {material.order}", higher_order_correspondence.LAW
+            return higher_order_correspondence.LAW
         if material.model == "micropolar" and material.law == "cohesive":
-            return f"{material.model}, cohesive, {material.shape}", cohesive_micropolar.LAWS[material.shape]
-        return material.model, MODELS[material.model]
+            return cohesive_micropolar.LAWS[material.shape]
+        return MODELS[material.model]
     if material.law not in LAWS:
         near = meant(material.law, LAWS)
         hint = f" (did you mean '{near}'?)" if near else ""
         hint = f" (or material.model = '{material.law}')" if material.law in MODELS else hint
         raise ModelError(f"{place}.law is '{material.law}'; use one of {', '.join(LAWS)}{hint}")
     if material.law == "cohesive":
-        return f"cohesive, {material.shape}", cohesive.LAWS[material.shape]
-    return material.law, LAWS[material.law]
+        return cohesive.LAWS[material.shape]
+    return LAWS[material.law]

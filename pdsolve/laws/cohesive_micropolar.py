@@ -30,7 +30,7 @@ from pdsolve.laws.calls import dissipated_at_break, dissipated_energy, secant
 from pdsolve.laws.law import INLINE, Law, Passes
 from pdsolve.laws.micropolar import fields, unknowns
 from pdsolve.laws.pair_laws import cohesive
-from pdsolve.model import Model, ModelError
+from pdsolve.model import Model
 
 
 class CohesiveMicropolarColumns(NamedTuple):
@@ -70,9 +70,7 @@ def columns_of(kind: type[Any]) -> Callable[[Model, Bonds], Any]:
     """The function that makes columns of a type."""
 
     def columns(model: Model, bonds: Bonds) -> Any:
-        """Columns of these bonds (b,). Raises ModelError in space."""
-        if bonds.xi.shape[1] != 2:
-            raise ModelError(f"{model.place_of(0)}.model is 'micropolar' in space; use it in the plane")
+        """Columns of these bonds (b,), in the plane."""
         numbers = *shear_of(model, bonds), 1 / np.broadcast_to(model.horizons, len(bonds.start) - 1)
         stiffness, ratio, turn = (np.asarray(column, dtype=bonds.limit.dtype) for column in numbers)
         count = len(bonds.limit)

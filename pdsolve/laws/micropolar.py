@@ -26,7 +26,7 @@ from pdmesh.model.material import Material
 from pdmesh.model.neighbours import lengths
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws.law import INLINE, Failure, Law, Passes
-from pdsolve.model import Model, ModelError
+from pdsolve.model import Model
 from pdsolve.state import Unknown
 
 
@@ -43,9 +43,7 @@ class MicropolarColumns(NamedTuple):
 
 
 def columns(model: Model, bonds: Bonds) -> MicropolarColumns:
-    """Columns of these bonds (b,). Raises ModelError in space."""
-    if bonds.xi.shape[1] != 2:
-        raise ModelError(f"{model.place_of(0)}.model is 'micropolar' in space; use it in the plane")
+    """Columns of these bonds (b,), in the plane."""
     source = bonds.source
     horizon = np.broadcast_to(model.horizons, len(bonds.start) - 1)
     reach, length = (horizon[source] + horizon[bonds.neighbour]) / 2, np.hypot(*bonds.xi.T.astype(float))

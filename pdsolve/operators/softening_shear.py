@@ -115,4 +115,4 @@ def softening_of(model: Model, assembly: Assembly, contact: RestingContact | Non
 
 def bonds_soften(model: Model) -> bool:
     """Whether the laws of a model's materials have bonds that soften before they break."""
-    return any(law_named(material, model.place_of(k))[1].softens for k, material in enumerate(model.materials))
+    return any(law_named(material, model.place_of(k)).softens for k, material in enumerate(model.materials))

@@ -138,8 +138,6 @@ def _make_device_operator(
         families = FamiliesOnDevice(law, model, bonds, scheme.symmetric, options.precision, 1, layout)
         families.put_on(Session(model.settings.run.device))
         return families, statistics.counted(bond_source.area)
-    if law.pair is None:
-        raise ModelError(f"{model.name}: $.run.device: the law has sums of families for a list alone; use cpu")
     session, kind = Session(model.settings.run.device), np.dtype(options.precision).type
     blocks = blocks_of(law, statistics.parts(), model.grid.position.shape, kind, 1)
     if blocks is None:

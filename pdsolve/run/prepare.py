@@ -98,8 +98,6 @@ def select_scheme(model: Model, options: Options) -> Scheme:
 def _prepare_diffusion(model: Model, options: Options) -> PreparedRun:
     """A prepared model of diffusion. Raises ModelError for an unsupported one."""
     refuse_combinations(model, options)
-    if options.kernel not in (None, "listed"):
-        raise ModelError(f"{model.name}: kernel is {options.kernel}; leave it out, or use listed for diffusion")
     transport, state = diffusion.prepare(model, options.threads, options.kernel == "listed")
     operator, volume = transport.operator, transport.operator.volume
     system = System(
@@ -201,7 +199,7 @@ def _prepare_moving_zone(model: Model, options: Options, scheme: Scheme) -> Prep
 
 def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A prepared model whose cells can split; none has yet. Raises ModelError for an unsupported one."""
-    tree = create_quadtree(model, options.kernel)
+    tree = create_quadtree(model)
     cells = tree.roots()
     now = tree.model_of_leaves(cells)
     bonds, threads = create_leaf_bonds(scheme.by_pairs(now)), threads_of(options, len(model.grid), False)

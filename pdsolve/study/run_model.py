@@ -19,9 +19,11 @@ from numpy.typing import NDArray
 
 from pdmesh import Body, SceneError, UntrustedError, build_file, file_parameters, read_scene
 from pdmesh.file_kinds import MESHES
+from pdmesh.model import contradictions
 from pdmesh.model.document import GridError, Material, Medium, Settings, in_steps, read_file, settings_of
 from pdmesh.model.graphs import connected
 from pdmesh.model.node_grid import Grid, grid_of
+from pdmesh.model.possible import impossible
 from pdmesh.model.settings_overlay import overlaid
 from pdmesh.model.unused_settings import in_vain
 from pdsolve.estimate import Plan, estimate_run
@@ -43,12 +45,13 @@ def disturbed(model: Model, repeat: Repeat, repetition: int, time_step: float) -
     """
     if repetition == 0:
         return model
+    disturbances = tuple(name for name in ("notch", "step", "noise") if getattr(repeat, name))
+    for wrong in impossible(contradictions.Case(model.settings, model.grid.dimension, disturbances=disturbances)):
+        raise ModelError(f"{model.name}: {wrong}")
     draw = np.random.default_rng([repeat.seed, repetition])
     across, shorter = draw.uniform(-1, 1), draw.uniform(0, 1)
     grid, settings = model.grid, model.settings
     if repeat.step:
-        if settings.run.solver == "static":
-            raise ModelError(f"{model.name}: repeat.step cannot be used in quasi-static analysis; use notch or noise")
         step = time_step * (1 - repeat.step * shorter)
         run = in_steps(settings.run, time_step)
         steps = math.ceil(run.steps * time_step / step - NEAR)
@@ -58,14 +61,8 @@ def disturbed(model: Model, repeat: Repeat, repetition: int, time_step: float) -
             raise ModelError(
                 f"{model.name}: repeat.notch: there is no pre-crack to move; add one, or use step or noise"
             )
-        if grid.dimension == 3:
-            raise ModelError(f"{model.name}: repeat.notch cannot be used for a body in space; use step or noise")
         grid = replace(grid, cracks=_moved(grid, repeat.notch * across * float(grid.delta.min())))
     if repeat.noise:
-        if settings.run.adapt != "none":
-            raise ModelError(
-                f"{model.name}: repeat.noise cannot be used with run.adapt {settings.run.adapt}; use notch or step"
-            )
         low, high = grid.position.min(axis=0), grid.position.max(axis=0)  # a bare list of nodes marks none as border
         outermost = ((grid.position == low) | (grid.position == high)).any(axis=1)
         inside = ~(grid.border | outermost)  # a node outside the outline has no bonds

@@ -1,4 +1,4 @@
-"""Errors of models that a moving fine zone does not support."""
+"""Errors of models whose nodes a moving fine zone, or cells that split, cannot begin with."""
 
 from __future__ import annotations
 
@@ -6,29 +6,16 @@ from pdmesh.messages import unfit
 from pdsolve.model import Model, ModelError
 
 
-def check_model_supported(model: Model, largest_ratio: float) -> None:
-    """Raise ModelError for a model that a moving fine zone does not support; horizons are at most `largest_ratio`."""
-    grid, settings = model.grid, model.settings
-    if settings.horizon.ratio > largest_ratio:
-        raise create_unsupported_error(
-            model, "$.horizon.ratio", f"{settings.horizon.ratio:g}", f"at most {largest_ratio:g}"
-        )
-    if (grid.delta != grid.delta[0]).any():
-        raise create_unsupported_error(
-            model,
-            "$.nodes",
-            "several spacings",
-            f"one, the finest, as pdmesh build --adapt {adaptivity_name(model)} makes of its zones",
-        )
-
-
-def adaptivity_name(model: Model) -> str:
-    """The adaptivity of a model: "split" or "collocation", or the default "hybrid"."""
-    how = model.settings.run.adapt
-    return how if how != "none" else "hybrid"
+def check_one_spacing(model: Model) -> None:
+    """Raise ModelError for nodes of several spacings."""
+    delta, adapt = model.grid.delta, model.settings.run.adapt
+    if (delta != delta[0]).any():
+        which = "coarsest" if adapt == "split" else "finest"
+        use = f"one, the {which}, as pdmesh build --adapt {adapt} makes it"
+        raise create_unsupported_error(model, "$.nodes", "of several spacings", use)
 
 
 def create_unsupported_error(model: Model, setting: str, actual: str, expected: str) -> ModelError:
     """A ModelError that names the adaptivity and what it does not support."""
-    name = setting if setting in ("precision", "kernel") else f"{model.name}: {setting}"
-    return ModelError(unfit(name, actual, f"{expected}, as run.adapt is {adaptivity_name(model)}"))
+    use = f"{expected}, as run.adapt is {model.settings.run.adapt}"
+    return ModelError(unfit(f"{model.name}: {setting}", actual, use))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from pdmesh.model.material import DECLARED, Material
+from pdmesh.model.material import DECLARED, USUAL_LAW, Material
 from pdmesh.model.materials.bond import BOND
 from pdmesh.model.materials.correspondence import CORRESPONDENCE
 from pdmesh.model.materials.kind import MaterialKind, Refusal, Refusals
@@ -12,6 +12,19 @@ from pdmesh.model.materials.micropolar import MICROPOLAR
 from pdmesh.model.materials.ordinary import ORDINARY
 
 KINDS: dict[str, MaterialKind] = {kind.name: kind for kind in (ORDINARY, CORRESPONDENCE, MICROPOLAR, BOND)}
+MIXED = {USUAL_LAW, "bilinear"}  # laws of one plate: a bilinear bond whose peak is its limit is brittle
+
+
+def law_name(material: Material) -> str:
+    """The law of a material's bonds or families, in words."""
+    if material.model == "bond":
+        return f"cohesive, {material.shape}" if material.law == "cohesive" else material.law
+    if material.control in ("breitzman-dayal", "wan"):
+        return f"{material.model} with {material.control}"
+    if material.order > 1 or material.constant_term:
+        return f"{material.model} of order {material.order}"
+    cohesive = material.model == "micropolar" and material.law == "cohesive"
+    return f"{material.model}, cohesive, {material.shape}" if cohesive else material.model
 
 
 @cache
@@ -24,4 +37,4 @@ def refused_by(kind: str) -> tuple[tuple[str, object], ...]:
     return tuple((name, getattr(usual, name)) for name in others if DECLARED[name].refused)
 
 
-__all__ = ["KINDS", "MaterialKind", "Refusal", "Refusals", "refused_by"]
+__all__ = ["KINDS", "MIXED", "MaterialKind", "Refusal", "Refusals", "law_name", "refused_by"]

@@ -28,9 +28,10 @@ from pdsolve.conditions import mask_nodes_with_conditions, unbreakable
 from pdsolve.laws.calls import bind
 from pdsolve.laws.pair import no_bonds
 from pdsolve.laws.pair_laws import brittle
-from pdsolve.model import Model, ModelError
+from pdsolve.model import Model
 from pdsolve.numerics.dilation import in_square
 from pdsolve.operators.stencils import Stencil
+from pdsolve.zone.refusals import create_unsupported_error
 from pdsolve.zone.springs import STIFFNESS, Springs, double_green_strain_from_stretch
 from pdsolve.zone.start_cells import count_full_cubes_around_nodes
 
@@ -86,15 +87,13 @@ class CollocationPlate(NamedTuple):
     stiffness_index_of_row: NDArray[np.int32]  # (places / 16,) which of `row_stiffness` a row has, see there
 
 
-def create_numbering_and_places(model: Model, reach: int, error_hint: str) -> tuple[PlateNumbering, NDArray[np.int64]]:
+def create_numbering_and_places(model: Model, reach: int) -> tuple[PlateNumbering, NDArray[np.int64]]:
     """Places (n,) of a model's nodes, with margins for families `reach` spacings wide. Raises ModelError."""
     grid = model.grid
-    if (grid.delta != grid.delta[0]).any():
-        raise ModelError(f"{model.name}: $.nodes has several spacings; use one, {error_hint}")
     steps = (grid.position - grid.position.min(axis=0)) / float(grid.delta[0])
     column, row = np.round(steps).astype(np.int64).T
     if np.abs(steps - np.column_stack([column, row])).max() > OFF:
-        raise ModelError(f"{model.name}: $.nodes has nodes on no lattice; put them on one, {error_hint}")
+        raise create_unsupported_error(model, "$.nodes", "on no lattice", "nodes on one")
     nx, ny, left_margin = int(column.max()) + 1, int(row.max()) + 1, ROW * -(-reach // ROW)
     stride = ROW * -(-(left_margin + nx + reach) // ROW)
     numbering = PlateNumbering(nx, ny, left_margin, reach, stride, (ny + 2 * reach) * stride + 2 * ROW)

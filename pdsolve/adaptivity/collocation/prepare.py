@@ -16,10 +16,9 @@ from pdsolve.adaptivity.collocation.zone import mask_possible_coarse_nodes
 from pdsolve.conditions import drive, initial_velocity
 from pdsolve.model import Model
 from pdsolve.operators.stencils import StencilError, elastic, longest, stencil_of
-from pdsolve.zone.refusals import check_model_supported, create_unsupported_error
+from pdsolve.zone.refusals import check_one_spacing, create_unsupported_error
 from pdsolve.zone.springs import create_fine_springs
 
-LEAST, MOST = 3.0, 32.0  # horizon over spacing
 OFTEN = 8  # steps between two looks, at most
 # Horizons over spacing up to which the coupling grows fast enough to need damping, and how much stops free vibration
 # from growing within 4000 units of time, sqrt(E / rho) / spacing
@@ -33,10 +32,8 @@ def create_collocation_operator_and_stable_step(
 
     Raises ModelError for a model that this method does not support.
     """
-    check_model_supported(model, MOST)
+    check_one_spacing(model)
     ratio, material = model.settings.horizon.ratio, model.materials[0]
-    if ratio < LEAST:
-        raise create_unsupported_error(model, "$.horizon.ratio", f"{ratio:g}", f"at least {LEAST:g}")
     h = float(model.grid.delta[0])
     springs = create_fine_springs(material, ratio, h)
     try:
@@ -45,9 +42,7 @@ def create_collocation_operator_and_stable_step(
         raise create_unsupported_error(
             model, "$.horizon.ratio", f"{ratio:g} ({error})", "one whose stencil is stable"
         ) from None
-    at, place = create_numbering_and_places(
-        model, int(np.abs(springs.family_dx).max()), f"as run.adapt is {model.settings.run.adapt}"
-    )
+    at, place = create_numbering_and_places(model, int(np.abs(springs.family_dx).max()))
     lattice, plate = create_constants_and_plate(model, springs, at, place, stencil)
     lattice, plate = store_stiffness_once_for_equal_rows(lattice, plate)
     # of fine nodes: those at edges, and one full family for all others

@@ -18,6 +18,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.contradictions import Case
 from pdmesh.model.document import Adapt, Displacement, Hybrid, InitialVelocity, Load, Selection, Velocity
 from pdmesh.model.material_constants import pressure_speed, rayleigh_speed
 from pdmesh.model.possible import impossible
@@ -94,7 +95,7 @@ def _choose_with_reason(model: Model, options: Options) -> tuple[Adapt, str]:
     if model.swells:
         return "none", "its costs are known for mechanics only, and this plate swells by a content"
     hybrid = with_adaptivity(model, "hybrid")
-    refused = next(iter(impossible(hybrid.settings, 2, options.mode, options.precision)), None)
+    refused = next(impossible(Case(hybrid.settings, 2, options.mode, options.precision)), None)
     if refused is not None:
         return "none", f"hybrid does not support it, {refused}"
     try:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Lattice as Nodes
-from pdmesh.model.lattice_calibration import has_partial_cells
 from pdmesh.model.whole_lattice import WholeLattice
 from pdsolve.model import Model
 from pdsolve.numerics.dilation import in_disc
@@ -30,7 +29,7 @@ from pdsolve.zone.cells import (
     place_number_at,
 )
 from pdsolve.zone.prescribed_motion import nodes_kept_fine_by_prescribed_motion
-from pdsolve.zone.refusals import check_model_supported, create_unsupported_error
+from pdsolve.zone.refusals import check_one_spacing, create_unsupported_error
 from pdsolve.zone.start_cells import (
     count_full_cubes_around_nodes,
     mask_cells_around_nodes,
@@ -40,7 +39,6 @@ from pdsolve.zone.start_cells import (
 
 OFF = 1e-6  # spacings: nodes this far from the lattice are not on it
 CLEARANCE = 1e-3  # spacings: a pre-crack this near to a node passes through it
-LARGEST = 6.0  # horizon over spacing: half of a family has a bit of 64 for each bond, families half a spacing wider too
 STRIP = 2**16  # fine places that are looked at together
 
 
@@ -190,8 +188,7 @@ def _cell_shares_along_side(count: int) -> NDArray[np.float64]:
 
 def create_hybrid_plate(model: Model) -> HybridPlate:
     """The lattice of a model's nodes. Raises ModelError, in one sentence, for an unsupported model."""
-    farther = any(has_partial_cells(material) for material in model.materials)
-    check_model_supported(model, LARGEST - 0.5 if farther else LARGEST)
+    check_one_spacing(model)
     grid, h = model.grid, float(model.grid.delta[0])
     if isinstance(grid, WholeLattice):
         return _create_rectangular_plate(model, grid.lattice)

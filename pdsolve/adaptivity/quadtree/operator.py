@@ -16,7 +16,7 @@ from pdsolve.laws import law_of
 from pdsolve.model import Model
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import CheckpointArrays
-from pdsolve.zone.refusals import create_unsupported_error
+from pdsolve.zone.refusals import check_one_spacing, create_unsupported_error
 from pdsolve.zone.summary import ZoneSummary
 
 ON = 1e-6  # of a spacing: a pre-crack this near to a node passes through it
@@ -67,15 +67,9 @@ def read_leaf_history(checkpoint: CheckpointArrays, leaf_count: int) -> LeafHist
     )
 
 
-def create_quadtree(model: Model, kernel: str | None) -> Quadtree:
+def create_quadtree(model: Model) -> Quadtree:
     """The cells of a model. Raises ModelError, in one sentence, for an unsupported model."""
-    grid = model.grid
-    if kernel not in (None, "listed"):
-        raise create_unsupported_error(model, "kernel", kernel, "listed")
-    if (grid.delta != grid.delta[0]).any():
-        raise create_unsupported_error(
-            model, "$.nodes", "several spacings", "one, the coarsest, as pdmesh build --adapt split makes it"
-        )
+    check_one_spacing(model)
     tree = Quadtree(replace_boxes_by_node_ids(model))
     _raise_if_precrack_meets_splittable_node(tree)
     return tree

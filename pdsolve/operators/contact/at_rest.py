@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.checkpoint_validation import entry
-from pdsolve.model import Model, ModelError
+from pdsolve.model import Model
 from pdsolve.operators.contact.contact_widths import Pressed, Width, round_widths
 from pdsolve.operators.contact.kernel import PairList, geometry
 from pdsolve.operators.contact.operator import SKIN, PenaltyContact
@@ -58,9 +58,6 @@ class RestingContact(PenaltyContact):
         """`volume` (n,), m^d; raises ModelError for bodies that overlap, or operators of more than displacements."""
         self._closing: Array | None = None  # (bodies, bodies) m, gap of nodes of bodies that touch as drawn
         super().__init__(model, volume, operator)
-        if self._settings.restitution < 1:
-            actual = f"{self._settings.restitution:g} in a quasi-static analysis"
-            raise ModelError(f"{model.name}: $.contact.restitution is {actual}; use 1: nothing bounces")
         self.symmetric = not self._settings.friction
         if self._joined.drawn.round.any():
             self._bound = self.of_round * self._bound

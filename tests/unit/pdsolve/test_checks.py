@@ -85,7 +85,7 @@ def test_a_crack_between_nodes_is_not_spoken_of_and_one_through_them_is() -> Non
 def test_the_material_of_a_region_is_named() -> None:
     region = Region(box=(0.0, 0.0, 1.0, 1e-3), material=msgspec.structs.replace(GLASS, E=1e-40))
     with pytest.raises(ModelError, match=naming("$.regions[0].material.E", found="1e-40", expected=("1e-30", "1e+30"))):
-        refuse_numbers(plate(square_grid(9, 8), regions=(region,)), True)
+        prepare(plate(square_grid(9, 8), regions=(region,)), Options(threads=1))
 
 
 def test_a_probe_off_the_plate_is_refused() -> None:

@@ -19,6 +19,7 @@ from plates import STEEL
 from pdmesh import Scene, box
 from pdmesh.__main__ import main as build_command
 from pdmesh.drawing.parameters import Parameters, run
+from pdmesh.model.contradictions import Case
 from pdmesh.model.document import Collocation, Region, Run, write_file
 from pdmesh.model.node_grid import document_of
 from pdmesh.model.possible import impossible
@@ -140,7 +141,7 @@ def test_few_spacings_have_to_be_asked_for(tmp_path: Path, capsys: pytest.Captur
     assert drawn.collocation == Collocation(damped=True)
     for ratio, lines in ((11.9, 1), (12.0, 0)):
         settings = cracked(41, 41, ratio, 0.0, run=Run(adapt="collocation")).settings
-        assert len(list(impossible(settings, 2))) == lines
+        assert len(list(impossible(Case(settings, 2)))) == lines
 
 
 @pytest.mark.slow

@@ -230,7 +230,7 @@ def test_quiet_needs_its_seconds() -> None:
     with pytest.raises(
         ModelError, match=naming("model", "$.run.quiet", found="missing", expected=("seconds", "quiet"))
     ):
-        plate(square_grid(5, 4), run=Run(until="quiet"))
+        prepare(plate(square_grid(5, 4), run=Run(until="quiet")), Options())
     with pytest.raises(ModelError, match=naming("model", "$.run.quiet", found="1e-06", expected="quiet")):
-        plate(square_grid(5, 4), run=Run(quiet=1e-6))
+        prepare(plate(square_grid(5, 4), run=Run(quiet=1e-6)), Options())
     assert plate(square_grid(5, 4), run=Run(until="split", quiet=1e-6)).settings.run.until == "split"

@@ -62,7 +62,7 @@ def test_what_cannot_be_solved_so_is_refused(model: Model, words: str) -> None:
     run = msgspec.structs.replace(model.settings.run, adapt="split")
     model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
     with pytest.raises(ModelError, match=words) as error:
-        _ = select_scheme(model, Options()), create_quadtree(model, None)
+        _ = select_scheme(model, Options()), create_quadtree(model)
     assert str(error.value).endswith("as run.adapt is split")
 
 

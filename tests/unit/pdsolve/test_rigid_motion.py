@@ -181,7 +181,7 @@ def test_conditions_of_a_rigid_body_and_its_contact_are_its_own() -> None:
         with pytest.raises(ModelError, match=naming("$.conditions[1]", found="rigid", expected="held")):
             replace(model, settings=settings)
     with pytest.raises(ModelError, match=naming("$.contact")):
-        replace(model, settings=msgspec.structs.replace(model.settings, contact=None))
+        prepare(replace(model, settings=msgspec.structs.replace(model.settings, contact=None)), Options())
     with pytest.raises(ModelError, match=naming("$.conditions[0]", "static", found="rigid")):
         prepare(replace(model, settings=msgspec.structs.replace(model.settings, run=Run(solver="static"))), Options())
 

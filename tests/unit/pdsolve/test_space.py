@@ -162,7 +162,7 @@ def test_what_is_of_plates_is_refused(change: dict[str, object], said: str) -> N
     model = bar(Run())
     settings = msgspec.convert(msgspec.to_builtins(model.settings, builtin_types=()) | change, type(model.settings))
     with pytest.raises(ModelError, match=said):
-        Model(model.grid, settings)
+        prepare(Model(model.grid, settings), ONE)
 
 
 @pytest.mark.process

@@ -18,6 +18,7 @@ from pdmesh.model.document import (
     Split,
     Static,
 )
+from pdmesh.model.mechanical_conditions import Contact
 from pdmesh.model.unused_settings import TABLE, remarks, value_of
 
 STEEL = Material(E=2e11, rho=7800, G0=1e4)
@@ -71,6 +72,10 @@ def of(run: Run, **more: Any) -> Settings:
                 "$.medium.capped (false) not used with medium.di",
                 "$.run.collocation.kappa (0.5) not used with ph",
             ],
+        ),
+        (
+            Settings(physics="diffusion", medium=Medium(D=1.0), contact=Contact()),
+            ["$.contact (some) not used with physics diffusion; use physics mechanics or physics thermoelastic"],
         ),
         (of(Run(steps=7, every=3, time_step=1e-9, ledger=1)), []),
         (of(Run(solver="static", static=Static(load_steps=3, tolerance=1e-3))), []),

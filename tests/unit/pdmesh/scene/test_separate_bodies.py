@@ -14,6 +14,7 @@ from messages import naming
 
 from pdmesh import Body, GridError, Heat, Material, Run, Scene, SceneError, box, build
 from pdmesh.drawing.plate_of_groups import Group, scene_of
+from pdmesh.model.contradictions import Case
 from pdmesh.model.document import InitialVelocity, Region, RigidBody, read_document
 from pdmesh.model.mechanical_conditions import Contact
 from pdmesh.model.node_grid import grid_of
@@ -104,7 +105,7 @@ def test_a_spin_is_refused_where_not_the_whole_body_is_known(adapt: str, refuse:
     built, start = build(Scene(box(0, 0, 9 * MM, 9 * MM), MM, STEEL)), InitialVelocity(box=(0, 0, 1, 1), spin=SPIN)
     run = msgspec.structs.replace(built.settings.run, adapt=adapt)
     model = Model(built.grid, msgspec.structs.replace(built.settings, conditions=(start,), run=run))
-    with pytest.raises(ModelError, match=naming("$.conditions[0].spin", found="200.0", expected="0")):
+    with pytest.raises(ModelError, match=naming("$.conditions[0].spin", found="200", expected="0")):
         refuse(model)
 
 
@@ -276,4 +277,4 @@ def test_what_bodies_in_contact_do_not_take_is_refused_for_its_reason(case: str)
     """Not for a medium that the body beside lacks, or in words that fit any setting."""
     model, place, reason = TOGETHER[case]
     built = build(model())
-    assert any(place in str(wrong) and reason in str(wrong) for wrong in impossible(built.settings, 2))
+    assert any(place in str(wrong) and reason in str(wrong) for wrong in impossible(Case(built.settings, 2)))
