@@ -28,6 +28,7 @@ class Stepper(ABC):
     """What takes the steps of a system. All but `advance` has the answer of a time integration without a memory."""
 
     device_name: str = "cpu"  # what sums the forces
+    integrator: str = ""  # of a motion, for the summary: Verlet, or a march that sums forces and moves nodes at once
     operator_has_state: bool = False  # `advance` may be given a state of no nodes, as the operator has it
     load_factor: float | None = None  # of a path or a cycle, the time of profiles, s; None: profiles follow the time
     finished: bool = False  # a path or a life has ended

@@ -190,7 +190,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
 class TwoLatticeStepper(Stepper):
     """Takes steps with a two-lattice operator: forces and motion in one sweep, during which nodes may change."""
 
-    operator_has_state = True
+    operator_has_state, integrator = True, "fused march"
 
     def __init__(self, operator: TwoLatticeOperator[Any]) -> None:
         self._operator = operator

@@ -108,7 +108,7 @@ class Swelling(Stepper):
         self._broken, self._free = broken, np.ones(len(model.grid), dtype=np.bool_) if free is None else free
         self._content, self._h = content, content_state
         self.motion, self.steps_per_content_step, self._bonds = motion, steps_per_content_step, bonds
-        self.inner = motion
+        self.inner, self.integrator = motion, motion.integrator
         self._alpha, self._T0 = coefficients(model)
         medium = model.settings.medium
         assert medium is not None

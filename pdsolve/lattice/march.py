@@ -98,6 +98,8 @@ class Group(NamedTuple):
 class LatticeMarch(Stepper):
     """Takes steps of bonds in groups of lanes, changing the placed state."""
 
+    integrator = "fused march"
+
     def __init__(
         self,
         bonds: MarchedBonds,

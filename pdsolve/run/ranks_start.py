@@ -35,8 +35,9 @@ from pdsolve.stepper import Stepper
 class StepperOnRanks(Stepper):
     """The stepper of all ranks together."""
 
-    def __init__(self, team: Team) -> None:
-        self._team = team
+    def __init__(self, team: Team, integrator: str) -> None:
+        """`integrator` is that of each rank."""
+        self._team, self.integrator = team, integrator
 
     def advance(self, state: State, first_step: int, end_step: int) -> int:
         """Take the steps `first_step` to `end_step` - 1 on all ranks; `state` is that of this rank."""
@@ -70,7 +71,7 @@ def prepare_run_on_ranks(model: Model, options: Options, team: Team) -> Prepared
         subdomain.system,
         model=model,
         options=options,
-        stepper=StepperOnRanks(team),
+        stepper=StepperOnRanks(team, subdomain.system.stepper.integrator),
         initial_energy=energy,
         ranks=Ranks(team, tuple(slabs), bonds, lonely),
     )

@@ -339,6 +339,10 @@ class Recorder:
             "precision": system.options.precision,
             "threads": system.thread_count,
             "kernel": system.operator.name,
+            "layout": system.operator.bond_layout
+            if system.operator.name in ("blocks", "listed")
+            else system.operator.name,
+            "integrator": system.stepper.integrator,
             "device": system.stepper.device_name,
             "wall_time": wall,
             "bond_updates_per_second": self.count_bond_updates(step) / wall if wall > 0 else 0.0,

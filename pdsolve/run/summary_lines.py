@@ -96,7 +96,9 @@ def wall_time_text(summary: dict[str, Any], method_text: str | None = None) -> s
     """The wall time in the summary of a run, what it ran on, and `method_text`, by default at what speed."""
     if method_text is None:
         millions = summary["bond_updates_per_second"] / 1e6
-        method_text = f" {millions:.0f} million directed bond updates a second ({summary['kernel']})"
+        layout, integrator = summary.get("layout", summary["kernel"]), summary.get("integrator")  # of earlier releases
+        kernel = f"{layout}, {integrator}" if integrator else layout
+        method_text = f" {millions:.0f} million directed bond updates a second ({kernel})"
     compiled = summary.get("compile_time", 0.0)  # files of earlier releases have none
     apart = f"; compiled kernels for {compiled:.0f} s" if compiled >= SHOWN else ""
     device = str(summary["device"])

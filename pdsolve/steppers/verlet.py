@@ -31,6 +31,8 @@ from pdsolve.stepper import Stepper
 class Verlet(Stepper):
     """Velocity Verlet with any operator."""
 
+    integrator = "Verlet"
+
     def __init__(
         self,
         operator: Forces,

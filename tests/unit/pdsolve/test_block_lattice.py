@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
+from pathlib import Path
 
 import msgspec
 import numba
@@ -22,11 +23,13 @@ from pdsolve.lattice.operator import BlockLattice
 from pdsolve.model import ModelError
 from pdsolve.numerics import thread_team
 from pdsolve.options import Options
+from pdsolve.results import Results
 from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.recorder import list_breaks_since
 from pdsolve.run.simulation import simulate
 from pdsolve.run.subdomain import restore_state
+from pdsolve.run.summary_lines import format_summary_lines
 from pdsolve.run.system import PreparedRun
 
 SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)
@@ -252,3 +255,12 @@ def test_plates_far_away_or_long(mode: str, x0: float, columns: int, rows: int, 
         problem.state.value[:] = 1e-6 * delta * np.random.default_rng(1).standard_normal(problem.state.value.shape)
         problem.advance(1, 2)
     assert nearly(fast.state.second, listed.state.second, 1e-11)  # measured 7e-13
+
+
+def test_the_summary_says_where_bonds_are_and_what_moves_nodes(small_results: Path) -> None:
+    """And of a file of an earlier release the kernel alone."""
+    with Results.open(small_results) as results:
+        summary = results.summary()
+    assert "(blocks, fused march)" in format_summary_lines(small_results, summary)[1]
+    del summary["layout"], summary["integrator"]
+    assert "(blocks)" in format_summary_lines(small_results, summary)[1]
