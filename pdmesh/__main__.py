@@ -225,21 +225,22 @@ def _preview(args: argparse.Namespace) -> int:
     return commandline.OK
 
 
-def _plan_study(args: argparse.Namespace) -> int:
-    from pdsolve import plan_study, study_plan_lines
-
-    options = (("--set", args.assignments), ("--refine", args.refine), ("--crack", args.cracks), ("--unit", args.unit))
-    more = (("--adapt", args.adapt), ("--within", args.within), ("--mode", args.mode != "conservative"))
-    for name, value in (*options, *more):
-        if value:
-            raise commandline.UsageError(f"{name} cannot be combined with a study; set it in {args.drawing}")
-    result = plan_study(args.drawing, args.trust)
-    return _say(result, study_plan_lines(result), args)
-
-
 def _plan(args: argparse.Namespace) -> int:
     if args.drawing.suffix.lower() == ".toml":
-        return _plan_study(args)
+        from pdsolve import plan_study, study_plan_lines
+
+        options = (
+            ("--set", args.assignments),
+            ("--refine", args.refine),
+            ("--crack", args.cracks),
+            ("--unit", args.unit),
+        )
+        more = (("--adapt", args.adapt), ("--within", args.within), ("--mode", args.mode != "conservative"))
+        for name, value in (*options, *more):
+            if value:
+                raise commandline.UsageError(f"{name} cannot be combined with a study; set it in {args.drawing}")
+        result = plan_study(args.drawing, args.trust)
+        return _say(result, study_plan_lines(result), args)
     from pdmesh.drawing.file_reading import read_scene
     from pdmesh.reports.report import plan, plan_lines
     from pdmesh.scene.shapes import SceneError

@@ -45,7 +45,7 @@ OF_ARGPARSE = tuple(  # its messages in our words
         (r": expected (?:one|at least one|\d+) arguments?$", " has no value; give one"),
         (r": ignored explicit argument ('.*')$", r" takes no value; leave \1 out"),
         (r": not allowed with argument (.*)$", r" cannot be combined with \1; use one of them"),
-        (r": invalid (?:int|_count) value: ('.*')$", r": cannot use \1; use a whole number"),
+        (r": invalid (?:int|count) value: ('.*')$", r": cannot use \1; use a whole number"),
         (r": invalid float value: ('.*')$", r": cannot use \1; use a number"),
         (r"^the following arguments are required: (.*)$", r"\1 is missing; give it"),
         (r"^ambiguous option: (.*) could match (.*)$", r"\1 may stand for \2; write it in full"),
@@ -209,6 +209,13 @@ def _assignment(text: str) -> tuple[str, str]:
     if not equals or not name.strip():
         raise argparse.ArgumentTypeError(f"cannot read '{text}'; use NAME=VALUE")
     return name.strip(), value.strip()
+
+
+def count(text: str) -> int:
+    """A whole number from 1, as an option's type."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"cannot use '{text}'; use a whole number from 1")
+    return int(text)
 
 
 def share(text: str) -> float:

@@ -121,11 +121,6 @@ class _Elsewhere:
         return spec
 
 
-def _is_no_error_of_settings(record: Any) -> bool:
-    """Whether a line of Matplotlib's log is not on the error that `SettingsError` says."""
-    return not str(record.msg).startswith("Cannot decode")
-
-
 def _elsewhere(execute: Callable[[ModuleType], None]) -> Callable[[ModuleType], None]:
     def execute_elsewhere(module: ModuleType) -> None:
         try:
@@ -136,7 +131,8 @@ def _elsewhere(execute: Callable[[ModuleType], None]) -> Callable[[ModuleType], 
         os.chdir(Path(__file__).parent)
         import logging  # slow
 
-        logging.getLogger("matplotlib").addFilter(_is_no_error_of_settings)
+        # the error that `SettingsError` says is not logged too
+        logging.getLogger("matplotlib").addFilter(lambda record: not str(record.msg).startswith("Cannot decode"))
         try:
             execute(module)
         except ValueError as error:  # UnicodeDecodeError is one: a file of settings in Latin-1

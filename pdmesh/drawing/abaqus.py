@@ -132,19 +132,16 @@ def _surfaces(every: SetRows, blocks: list[Block], first: Rows) -> Iterator[tupl
                 rows = every.of_entry("element_sets", instance, (keyword, line, name))
                 for number, block in enumerate(blocks):
                     block_rows = rows[(rows >= first[number]) & (rows < first[number + 1])] - first[number]
-                    corners = _side(block, int(side[1:]) - 1)
+                    # the corners of the side of each cell: an edge of a face, a face of a solid
+                    side_number = int(side[1:]) - 1
+                    if block.dimension == 3:
+                        sides = SIDES[block.shape]
+                    else:
+                        count = block.corners.shape[1]
+                        sides = tuple((at, (at + 1) % count) for at in range(count)) if block.dimension == 2 else ()
+                    corners = sides[side_number] if 0 <= side_number < len(sides) else ()
                     if len(block_rows) and corners:
                         yield members.name, Block(OF_CORNERS[len(corners)], block.data[block_rows][:, list(corners)])
-
-
-def _side(block: Block, number: int) -> tuple[int, ...]:
-    """The corners of a side of the cells of a block, an edge or a face; none if there is no such side."""
-    if block.dimension == 3:
-        sides = SIDES[block.shape]
-    else:
-        count = block.corners.shape[1]
-        sides = tuple((at, (at + 1) % count) for at in range(count)) if block.dimension == 2 else ()
-    return sides[number] if 0 <= number < len(sides) else ()
 
 
 def _plane(every: list[Elements]) -> tuple[str, list[str]]:

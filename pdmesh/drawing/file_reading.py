@@ -47,7 +47,26 @@ def _read_scene(
     path: Path, assignments: Sequence[tuple[str, str]], refine: Sequence[str], trust: bool, cracks: Sequence[str]
 ) -> Scene | Body:
     if path.suffix.lower() == ".json":
-        return _again(path, assignments, refine, trust, cracks)
+        # a model that carries its drawing is read with the parameters it was built with
+        document = read_file(path)
+        if not document.drawing or not document.source:
+            raise SceneError(
+                f"{path}: $.drawing is missing, the text of the drawing it was built from; use the drawing itself"
+            )
+        source = Path(document.source)
+        plain = source.name == document.source and document.source.isprintable()
+        if not plain or source.suffix.lower() not in (".geo", ".py", *CAD):
+            raise SceneError(f"{path}: $.source is {document.source!r}; give the name of a .geo, .py or CAD file")
+        words, refined, cracked = sorted_out(document.parameters)
+        with scratch() as folder:
+            copy = folder / f"drawing{source.suffix}"
+            copy.write_text(document.drawing, encoding="utf-8", newline="")
+            try:
+                scene = _read_scene(copy, [*words, *assignments], [*refined, *refine], trust, [*cracked, *cracks])
+            except SceneError as error:
+                raise type(error)(f"{path}: {str(error).replace(str(copy), source.name)}") from None
+        notes = tuple(note.replace(str(copy), f"{path}: {source.name}") for note in scene.notes)
+        return replace(scene, source=source.name, notes=notes)
     # a program has variables, without dots in their names; a drawing has settings of the solver as parameters
     drawn = () if path.suffix.lower() == ".py" else OF_SETTINGS
     to_drawing, to_settings = split_settings([pair for pair in assignments if pair[0] != ADAPT], drawn)
@@ -164,28 +183,3 @@ def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Sc
         raise SceneError(f"{path} is a mesh of a plate, which has its nodes; use a drawing, or a mesh of solids")
     suffixes = f"{', '.join(CAD)}, or a mesh's: {', '.join(MESHES)}"
     raise SceneError(f"{path}: suffix '{path.suffix}' is not known; use .geo, .py, .json, {suffixes}")
-
-
-def _again(
-    path: Path, assignments: Sequence[tuple[str, str]], refine: Sequence[str], trust: bool, cracks: Sequence[str]
-) -> Scene | Body:
-    """The scene of a model that carries its drawing, read with the parameters it was built with."""
-    document = read_file(path)
-    if not document.drawing or not document.source:
-        raise SceneError(
-            f"{path}: $.drawing is missing, the text of the drawing it was built from; use the drawing itself"
-        )
-    source = Path(document.source)
-    plain = source.name == document.source and document.source.isprintable()
-    if not plain or source.suffix.lower() not in (".geo", ".py", *CAD):
-        raise SceneError(f"{path}: $.source is {document.source!r}; give the name of a .geo, .py or CAD file")
-    words, refined, cracked = sorted_out(document.parameters)
-    with scratch() as folder:
-        copy = folder / f"drawing{source.suffix}"
-        copy.write_text(document.drawing, encoding="utf-8", newline="")
-        try:
-            scene = _read_scene(copy, [*words, *assignments], [*refined, *refine], trust, [*cracked, *cracks])
-        except SceneError as error:
-            raise type(error)(f"{path}: {str(error).replace(str(copy), source.name)}") from None
-    notes = tuple(note.replace(str(copy), f"{path}: {source.name}") for note in scene.notes)
-    return replace(scene, source=source.name, notes=notes)

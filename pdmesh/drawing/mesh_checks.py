@@ -155,21 +155,18 @@ def _refuse_references(path: Path) -> None:
         data = read_bytes(path)
         if re.search(rb"<!\s*(?:DOCTYPE|ENTITY)", data, re.IGNORECASE):
             raise SceneError(f"{path} defines entities, which are not read; remove them{ADVICE}")
-        if suffix == ".xdmf":
-            _refuse_data_items(path, data)
+        if suffix == ".vtu":
+            return
+        try:
+            root = ElementTree.fromstring(data)
+        except ElementTree.ParseError:
+            return  # meshio will say so
+        for item in root.iter("DataItem"):
+            if item.get("Format", "").upper() in ("HDF", "BINARY"):
+                name = (item.text or "").strip().split(":")[0]
+                data_path = path.parent / name
+                if name != Path(name).name or not data_path.resolve().is_relative_to(path.parent.resolve()):
+                    raise SceneError(f"{path}: data are in '{name}'; put them in a file beside it{ADVICE}")
+                check_regular(data_path)
     elif suffix == ".ply" and b"end_header" not in read_bytes(path)[: 2**20]:
         raise SceneError(f"{path}: the header has no end; use a whole mesh")  # meshio looks for it for ever
-
-
-def _refuse_data_items(path: Path, data: bytes) -> None:
-    try:
-        root = ElementTree.fromstring(data)
-    except ElementTree.ParseError:
-        return  # meshio will say so
-    for item in root.iter("DataItem"):
-        if item.get("Format", "").upper() in ("HDF", "BINARY"):
-            name = (item.text or "").strip().split(":")[0]
-            data_path = path.parent / name
-            if name != Path(name).name or not data_path.resolve().is_relative_to(path.parent.resolve()):
-                raise SceneError(f"{path}: data are in '{name}'; put them in a file beside it{ADVICE}")
-            check_regular(data_path)

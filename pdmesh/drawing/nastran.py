@@ -71,7 +71,11 @@ def checked_bulk(path: Path) -> tuple[bytes, tuple[str, ...]]:
             last.check()
             last = _Card(card, place, [])
         if last.name == "GRID":
-            line = _without_plus(line, star, 2 - len(last.fields), 5 - len(last.fields))
+            # coordinates without plus signs: Gmsh reads +4. as 0
+            pieces, before = line.split(",") if "," in line else _pieces(line, star), len(last.fields)
+            for at in range(max(3 - before, 1), min(6 - before, len(pieces), 5 if star else 9)):
+                pieces[at] = PLUS.sub(r"\1 ", pieces[at])
+            line = ("," if "," in line else "").join(pieces)
         if line.strip() and not line.lstrip().startswith("$"):
             pieces = _pieces(line.partition("$")[0], star)
             last.fields.extend(piece.strip() for piece in pieces[1 : 5 if star else 9])
@@ -104,11 +108,3 @@ def _pieces(line: str, star: str) -> list[str]:
         return [*pieces, *[""] * (count + 2 - len(pieces))]
     ends = [0, *range(8, 73, 64 // count)]
     return [*(line[start:end] for start, end in pairwise(ends)), line[72:]]
-
-
-def _without_plus(line: str, star: str, first: int, end: int) -> str:
-    """The line without signs before these of its fields, from 0: Gmsh reads +4. as 0."""
-    pieces = _pieces(line, star) if "," not in line else line.split(",")
-    for at in range(max(first, 0) + 1, min(end + 1, len(pieces), 5 if star else 9)):
-        pieces[at] = PLUS.sub(r"\1 ", pieces[at])
-    return ("," if "," in line else "").join(pieces)

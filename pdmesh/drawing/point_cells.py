@@ -63,7 +63,18 @@ def with_cells(mesh: Mesh) -> Mesh:
     places = mesh.points[rows]
     size = np.ptp(places, axis=0)
     if places.shape[1] == 3 and size[2] > FLAT * size.max():
-        return _cubes(mesh, places, volume)
+        # cubes with their corners in common
+        lattice = _lattice(places, float(np.median(_apart(places))))
+        if lattice is None:
+            return mesh
+        origin, side, at = lattice
+        corner = (at[:, None] + CUBE).reshape(-1, 3)
+        every, cells = np.unique(corner, axis=0, return_inverse=True)
+        odd_volume = np.abs(volume / side**3 - 1) > ALIKE
+        notes = [f"{int(odd_volume.sum())} nodes have another volume than {side**3:.6g}: those of cubes are taken"]
+        points = origin + side * (every - 0.5)
+        cubes = _with_blocks(mesh, "hexahedron", points, cells.reshape(-1, 8), None, notes if odd_volume.any() else [])
+        return replace(cubes, spacing=side)
     return _squares(mesh, places[:, :2], volume)
 
 
@@ -88,21 +99,6 @@ def _squares(mesh: Mesh, places: NDArray[np.float64], volume: NDArray[np.float64
         if abs(union_area - float(area.sum())) > OVERLAP * union_area:
             raise SceneError(f"points: neighbours are {apart.min():.4g} to {apart.max():.4g} apart; {ADVICE}")
     return _with_blocks(mesh, "quad", corners.reshape(-1, 2), np.arange(4 * len(places)).reshape(-1, 4), area, notes)
-
-
-def _cubes(mesh: Mesh, places: NDArray[np.float64], volume: NDArray[np.float64]) -> Mesh:
-    """A body of cubes that have their corners in common; the mesh itself without a lattice."""
-    lattice = _lattice(places, float(np.median(_apart(places))))
-    if lattice is None:
-        return mesh
-    origin, side, at = lattice
-    corner = (at[:, None] + CUBE).reshape(-1, 3)
-    every, cells = np.unique(corner, axis=0, return_inverse=True)
-    odd_volume = np.abs(volume / side**3 - 1) > ALIKE
-    notes = [f"{int(odd_volume.sum())} nodes have another volume than {side**3:.6g}: those of cubes are taken"]
-    points = origin + side * (every - 0.5)
-    cubes = _with_blocks(mesh, "hexahedron", points, cells.reshape(-1, 8), None, notes if odd_volume.any() else [])
-    return replace(cubes, spacing=side)
 
 
 def _apart(places: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -21,7 +21,6 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
-from pdmesh import trust
 from pdmesh.drawing.keyword_suggestions import known
 from pdmesh.drawing.parameters import Parameter, unknown
 from pdmesh.drawing.sandbox.walls import how_it_ended
@@ -31,6 +30,7 @@ from pdmesh.quantities import KINDS, number_in
 from pdmesh.scene.body import Body
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError, UntrustedError, errors_at
+from pdmesh.trust import environment
 
 
 def read_script(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> Scene | Body:
@@ -41,7 +41,17 @@ def read_script(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: 
     """
     text, tree = _parsed(path, trust)
     values = {parameter.name: parameter.value for parameter in _assigned(path, _parameters(text, tree), assignments)}
-    kind, parts = _in_child(path, values)
+    with scratch() as folder:
+        result, job = folder / "scene", folder / "job"
+        job.write_text(json.dumps({"path": str(path), "values": values, "modules": sys.path}), encoding="utf-8")
+        command = [sys.executable, "-P", "-m", "pdmesh.drawing.script", str(job), str(result)]
+        ended = subprocess.run(command, check=False, env=environment()).returncode
+        if not result.exists():
+            raise SceneError(f"{path}: the program {how_it_ended(ended)}; it must define scene")
+        message_or_parts = pickle.loads(result.read_bytes())  # of a program that could do anything in any case
+    if isinstance(message_or_parts, str):
+        raise SceneError(f"{path}: {message_or_parts}")
+    kind, parts = message_or_parts
     more: dict[str, Any] = {"source": path.name, "drawing": text, "parameters": tuple(values.items())}
     scene: Scene | Body
     with errors_at(path):
@@ -110,31 +120,7 @@ def _parsed(path: Path, trust: bool) -> tuple[str, ast.Module]:
         raise SceneError(f"{path}: an expression is too long or nested too deep for Python; split it") from None
 
 
-def _in_child(path: Path, values: Mapping[str, float | str]) -> tuple[str, dict[str, Any]]:
-    """Kind and parts of the scene that a program defines. Raises SceneError."""
-    with scratch() as folder:
-        result, job = folder / "scene", folder / "job"
-        job.write_text(json.dumps({"path": str(path), "values": values, "modules": sys.path}), encoding="utf-8")
-        command = [sys.executable, "-P", "-m", "pdmesh.drawing.script", str(job), str(result)]
-        ended = subprocess.run(command, check=False, env=trust.environment()).returncode
-        if not result.exists():
-            raise SceneError(f"{path}: the program {how_it_ended(ended)}; it must define scene")
-        message_or_parts = pickle.loads(result.read_bytes())  # of a program that could do anything in any case
-    if isinstance(message_or_parts, str):
-        raise SceneError(f"{path}: {message_or_parts}")
-    kind, parts = message_or_parts
-    return str(kind), dict(parts)
-
-
 # ---- the child process
-
-
-def _main(job: str, result: str) -> None:
-    wanted = json.loads(Path(job).read_text(encoding="utf-8"))
-    os.dup2(2, 1)  # stdout is for the result
-    sys.path[:] = wanted["modules"]
-    scene_bytes = _run(Path(wanted["path"]), wanted["values"])
-    Path(result).write_bytes(scene_bytes)
 
 
 def _run(path: Path, values: Mapping[str, float | str]) -> bytes:
@@ -224,4 +210,9 @@ class _Constants(ast.NodeTransformer):
 
 
 if __name__ == "__main__":
-    _main(*sys.argv[1:])
+    job, output = sys.argv[1:]
+    wanted = json.loads(Path(job).read_text(encoding="utf-8"))
+    os.dup2(2, 1)  # stdout is for the result
+    sys.path[:] = wanted["modules"]
+    scene_bytes = _run(Path(wanted["path"]), wanted["values"])
+    Path(output).write_bytes(scene_bytes)

@@ -148,17 +148,16 @@ class Neighbours:
             similar_rows = rows[size == alike]
             reach = float(self._reach[similar_rows].max())
             radius = (max(reach, target_group.reach) if self._mutual else reach) * (1 + ROUND_OFF)
-            search = _by_window if len(target_group.map) and radius < WIDEST * target_group.spacing else _by_tree
-            source, target, length = search(similar_rows, self._position, target_group, radius)
+            if len(target_group.map) and radius < WIDEST * target_group.spacing:
+                source, target, length = _by_window(similar_rows, self._position, target_group, radius)
+            else:
+                tree = tree_of(self._position[similar_rows])
+                near = tree.sparse_distance_matrix(target_group.tree, radius, output_type="ndarray")
+                source, target, length = similar_rows[near["i"]], target_group.rows[near["j"]], near["v"]
             limit = np.maximum(self._reach[source], self._reach[target]) if self._mutual else self._reach[source]
             within_reach = (length <= limit * (1 + ROUND_OFF)) & (source != target)
             pair_lists.append((source[within_reach], target[within_reach]))
         return pair_lists
-
-
-def _by_tree(rows: NDArray[np.int64], position: NDArray[np.float64], target_group: _Group, radius: float) -> Pairs:
-    near = tree_of(position[rows]).sparse_distance_matrix(target_group.tree, radius, output_type="ndarray")
-    return Pairs(rows[near["i"]], target_group.rows[near["j"]], near["v"])
 
 
 def _by_window(rows: NDArray[np.int64], position: NDArray[np.float64], target_group: _Group, radius: float) -> Pairs:

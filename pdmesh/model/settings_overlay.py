@@ -100,16 +100,12 @@ def _toml_value(name: str, text: str) -> Any:
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except ValueError:
-        return float(text) if POINTED.fullmatch(text) else _word(name, text)
+        pass
     except RecursionError:
         raise ModelError(f"--set {name}: {NESTED}") from None
-
-
-def _word(name: str, text: str) -> float | str | None:
-    """A bare word: a number such as ``65GPa`` in the unit of its setting, ``none`` where a setting may be left out.
-
-    Raises ModelError for another unit.
-    """
+    if POINTED.fullmatch(text):
+        return float(text)
+    # a bare word: a number such as ``65GPa`` in the unit of its setting, ``none`` where a setting may be left out
     from pdmesh.quantities import NUMBER, number_in
 
     if text == "none" and may_be_none(name, Settings):

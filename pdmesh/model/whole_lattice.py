@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
 from typing import Any
 
@@ -46,7 +46,8 @@ class WholeLattice(Grid):
     def __reduce__(self) -> tuple[Any, ...]:
         """How copies and other processes make it anew."""
         usual = [name for name in ("delta", "hole_id") if not any(self.__dict__[name].strides)]
-        return _made_anew, ({name: values for name, values in self.__dict__.items() if name not in usual},)
+        listed = {name: values for name, values in self.__dict__.items() if name not in usual}
+        return partial(WholeLattice, **listed), ()
 
     def _converted(self) -> tuple[str, ...]:
         return tuple(name for name in super()._converted() if name in self.__dict__)
@@ -174,8 +175,3 @@ class WholeLattice(Grid):
         for along, count in zip(inside[-2::-1], self.lattice.counts[-2::-1], strict=True):
             rows = (rows[:, None] * count + along).ravel()
         return np.asarray(rows, dtype=np.int64)
-
-
-def _made_anew(fields: dict[str, Any]) -> WholeLattice:
-    """The grid with these fields."""
-    return WholeLattice(**fields)

@@ -70,7 +70,12 @@ def findings() -> list[Finding]:
         installed = find_spec(name) is not None
         version = metadata.version(name) if installed else f"not installed ({use})"
         extras.append(Finding(name, installed, version, cure, needed=False))
-    return [python, *packages, _gmsh(), _walls(), ffmpeg, cores, kernels, _devices(), *extras]
+    with scratch() as folder:
+        stand, ended = _child(WALLS, str(folder))
+    complete = {"landlock", "seccomp"} <= set(stand.split()) and not ended
+    cure = "drawings of others are read behind limits of memory and time alone (Linux on x86-64 has more)"
+    walls = Finding("sandbox for drawings", complete, stand or ended or "none", cure, needed=False)
+    return [python, *packages, _gmsh(), walls, ffmpeg, cores, kernels, _devices(), *extras]
 
 
 def lines(findings: list[Finding]) -> list[str]:
@@ -94,14 +99,6 @@ def _gmsh() -> Finding:
         return Finding("Gmsh", False, f"not installed; {NEEDED}, all else works", "pip install gmsh")
     cure = f"on Debian and Ubuntu: apt-get install {SYSTEM_LIBRARIES}"
     return Finding("Gmsh", False, f"cannot be loaded ({ended}); {NEEDED}, all else works", cure)
-
-
-def _walls() -> Finding:
-    with scratch() as folder:
-        stand, ended = _child(WALLS, str(folder))
-    complete = {"landlock", "seccomp"} <= set(stand.split())
-    cure = "drawings of others are read behind limits of memory and time alone (Linux on x86-64 has more)"
-    return Finding("sandbox for drawings", complete and not ended, stand or ended or "none", cure, needed=False)
 
 
 def _devices() -> Finding:

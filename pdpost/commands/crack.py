@@ -141,29 +141,28 @@ def _crack(args: argparse.Namespace) -> int:
             return _of_body(args, results, threshold, path)
         if args.surface is not None:
             raise commandline.UsageError(f"--surface ({args.surface}) is for bodies in space; leave it out for a plate")
-        if args.compare is None:
-            return _one(args, results, threshold, path)
-        with Results.open(args.compare) as second_run:
-            return _two(args, results, second_run, threshold, path)
+        if args.compare is not None:
+            with Results.open(args.compare) as second_run:
+                return _two(args, results, second_run, threshold, path)
+        from pdsolve.measures import crack_summary
+        from pdsolve.measures.directions import predict_initial_directions
+        from pdsolve.measures.json_keys import fields_by_json_key
 
+        check_window(results, args)
+        summary = crack_summary.crack(results, _step(args, results), threshold, args.along)
+        if path is not None:
+            from pdpost.figures import crack_figure, style
 
-def _one(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
-    from pdsolve.measures import crack_summary
-    from pdsolve.measures.directions import predict_initial_directions
-    from pdsolve.measures.json_keys import fields_by_json_key
-
-    check_window(results, args)
-    summary = crack_summary.crack(results, _step(args, results), threshold, args.along)
-    if path is not None:
-        from pdpost.figures import crack_figure, style
-
-        style.save(crack_figure.crack(results, summary, args.window), path)
-    header, rows = crack_summary.path_point_table(summary)
-    first = summary.events.first_break
-    expected = [] if first is None else predict_initial_directions(results, summary.initial_directions, first.step)
-    lines = [*crack_summary.summary_sentences(summary), *crack_summary.prediction_sentences(expected, results)]
-    result = {**crack_summary.summary_for_json(summary), "predicted": [fields_by_json_key(one) for one in expected]}
-    return shared.deliver(args, result, lines, header, rows, path)
+            style.save(crack_figure.crack(results, summary, args.window), path)
+        header, rows = crack_summary.path_point_table(summary)
+        first = summary.events.first_break
+        expected = [] if first is None else predict_initial_directions(results, summary.initial_directions, first.step)
+        lines = [*crack_summary.summary_sentences(summary), *crack_summary.prediction_sentences(expected, results)]
+        result = {
+            **crack_summary.summary_for_json(summary),
+            "predicted": [fields_by_json_key(one) for one in expected],
+        }
+        return shared.deliver(args, result, lines, header, rows, path)
 
 
 def _of_body(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:

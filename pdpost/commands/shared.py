@@ -428,11 +428,11 @@ def add_every(command: argparse.ArgumentParser) -> None:
     which = command.add_mutually_exclusive_group()
     which.add_argument(
         "--every",
-        type=_count,
+        type=commandline.count,
         metavar="N",
         help="steps of the run between two frames that are taken, as in pdsolve (default: all frames)",
     )
-    which.add_argument("--stride", type=_count, metavar="N", help="take every Nth frame")
+    which.add_argument("--stride", type=commandline.count, metavar="N", help="take every Nth frame")
 
 
 def chosen_stride(results: Results, args: argparse.Namespace) -> int:
@@ -454,12 +454,6 @@ def chosen_stride(results: Results, args: argparse.Namespace) -> int:
             " N for every Nth frame"
         )
     return int(args.every // apart)
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"cannot use '{text}'; use a whole number from 1")
-    return int(text)
 
 
 def counted(args: argparse.Namespace, doing: str) -> Callable[[list[int]], Iterable[int]]:

@@ -106,14 +106,24 @@ def _band_words(series: TipIntensityHistory | FrontIntensities, at: int, intensi
 
 def _tips(args: argparse.Namespace, results: Results, steps: list[int], path: Path | None) -> int:
     """Draw, print and table the fracture parameters of tips of a plate; returns the exit code."""
+    from shapely import Point
+
     from pdsolve.fracture.domain_integrals import Ring
     from pdsolve.measures import stress_intensities
+    from pdsolve.measures.plate_geometry import read_plate_geometry
     from pdsolve.measures.release import measure_energy_release
     from pdsolve.measures.tips import crack_branches
 
-    if args.tip is not None and len(args.tip) != 2:
-        raise commandline.UsageError(f"--tip has {len(args.tip)} numbers; use 2, a place in m")
-    _expect_on_plate(results, args.tip)
+    if args.tip is not None:
+        if len(args.tip) != 2:
+            raise commandline.UsageError(f"--tip has {len(args.tip)} numbers; use 2, a place in m")
+        shape = read_plate_geometry(results).plate_shape
+        if shape.distance(Point(args.tip)) > results.nodes(0).delta.max():
+            x0, y0, x1, y1 = shape.bounds
+            raise commandline.UsageError(
+                f"--tip {args.tip[0]:g},{args.tip[1]:g} is outside of the plate; use a place in it, from {x0:g},{y0:g}"
+                f" to {x1:g},{y1:g} (m)"
+            )
     ring = None if args.ring is None else Ring(*args.ring)
     tip_series = stress_intensities.follow_tip_intensities(results, steps, args.tip, ring, counted(args, "summing"))
     spent = measure_energy_release(results, crack_branches(results, max(steps)))
@@ -139,23 +149,6 @@ def _tips(args: argparse.Namespace, results: Results, steps: list[int], path: Pa
         points = zip(series.step, series.time, *series.tip_place.T, *columns, release_rates, strict=True)
         rows += [(series.tip_history.name, *point) for point in points]
     return shared.deliver(args, result, lines, header, rows, path)
-
-
-def _expect_on_plate(results: Results, place: tuple[float, float] | None) -> None:
-    """Raise UsageError for a place that is farther from the plate than a spacing."""
-    from shapely import Point
-
-    from pdsolve.measures.plate_geometry import read_plate_geometry
-
-    if place is None:
-        return
-    shape = read_plate_geometry(results).plate_shape
-    if shape.distance(Point(place)) > results.nodes(0).delta.max():
-        x0, y0, x1, y1 = shape.bounds
-        raise commandline.UsageError(
-            f"--tip {place[0]:g},{place[1]:g} is outside of the plate; use a place in it, from {x0:g},{y0:g} to"
-            f" {x1:g},{y1:g} (m)"
-        )
 
 
 def _tip_for_json(series: TipIntensityHistory, release_rates: Any) -> dict[str, Any]:

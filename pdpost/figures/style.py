@@ -82,18 +82,10 @@ class FigureError(ValueError):
 def styled(settings: Mapping[str, object] | None = None) -> Iterator[None]:
     """A context in which figures have the house style, overridden by a user's matplotlib settings.
 
-    Raises FigureError for a setting that matplotlib does not know or cannot draw with.
+    The setting `journal` names a preset, applied after the house style and before the other settings. Raises
+    FigureError for a setting that matplotlib does not know or cannot draw with.
     """
-    with matplotlib.rc_context(rc=_checked(settings or {})):
-        yield
-
-
-def _checked(style: Mapping[str, object]) -> dict[str, Any]:
-    """The house style overridden by a user's settings, each known to matplotlib. Raises FigureError.
-
-    The setting `journal` names a preset, applied after the house style and before the other settings.
-    """
-    style = dict(style)
+    style = dict(settings or {})
     journal = style.pop("journal", None)
     for name, value in style.items():
         if name not in matplotlib.rcParams or not name.startswith(KINDS):
@@ -118,7 +110,8 @@ def _checked(style: Mapping[str, object]) -> dict[str, Any]:
     chosen = STYLE | ({} if journal is None else _preset(str(journal))) | style
     if style:
         _try(chosen, ", ".join(f"{name}={value}" for name, value in style.items()))
-    return chosen
+    with matplotlib.rc_context(rc=chosen):
+        yield
 
 
 def _preset(name: str) -> dict[str, Any]:

@@ -64,26 +64,24 @@ class BrokenBonds:
         self._known = len(broken.step)
         order = np.lexsort((broken.target, broken.source))
         source, target = broken.source[order], broken.target[order]
-        lost = (self._share - 1) * self._conductance(source, target)
-        is_reduced, operator = lost < 0, self._transport.operator
+        # the conductance (b,) of these pairs while they are whole, 1/(s m^d); 0 where nothing diffuses
+        families, operator = self._families, self._transport.operator
+        length = np.sqrt(((families.position[target] - families.position[source]) ** 2).sum(axis=1))
+        conductance = families.conductance(Pairs(source, target, length))
+        conductance = np.where(conductance > ROUND_OFF * conductance.max(initial=0.0), conductance, 0.0)
+        change = operator.change
+        if change is not None and len(change.links.neighbour):
+            start, neighbour, _ = change.links
+            keys = np.repeat(np.arange(len(change.volume)), np.diff(start)) * len(change.volume) + neighbour
+            wanted = source * len(change.volume) + target
+            at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+            conductance = conductance + np.where(keys[at] == wanted, change.conductance[at], 0.0)
+        lost = (self._share - 1) * conductance
+        is_reduced = lost < 0
         links = links_between(source[is_reduced], target[is_reduced], len(operator.volume))
         operator.torn = FluxesInList(links, lost[is_reduced], operator.volume, self._transport.threads)
         if isinstance(stepper, ThetaSteps):
             stepper.discard_factors()
-
-    def _conductance(self, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Conductance (b,) of these pairs while they are whole, 1/(s m^d); 0 where nothing diffuses."""
-        families, change = self._families, self._transport.operator.change
-        length = np.sqrt(((families.position[target] - families.position[source]) ** 2).sum(axis=1))
-        conductance = families.conductance(Pairs(source, target, length))
-        conductance = np.where(conductance > ROUND_OFF * conductance.max(initial=0.0), conductance, 0.0)
-        if change is None:
-            return conductance
-        (start, neighbour, _), more, nodes = change.links, change.conductance, len(change.volume)
-        keys = np.repeat(np.arange(nodes), np.diff(start)) * nodes + neighbour
-        wanted = source * nodes + target
-        at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1) if len(keys) else np.zeros(0, dtype=np.int64)
-        return conductance + np.where(keys[at] == wanted, more[at], 0.0) if len(keys) else conductance
 
 
 class Swelling(Stepper):

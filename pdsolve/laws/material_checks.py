@@ -20,21 +20,18 @@ SAMPLES = 64  # stretches at which the secant of a law is looked at
 
 def remarks(model: Model) -> list[str]:
     """Remarks on materials whose bonds stretch absurdly far, and on laws whose bonds push when they are stretched."""
-    return [*_absurd_stretch(model), *negative_secants(model).values()]
-
-
-def _absurd_stretch(model: Model) -> Iterator[str]:
-    """A remark on the first materials alike whose bonds stretch absurdly far."""
+    absurd = []
     for own, _, (peak, _) in _bonds_of_materials(model):
         stiffness = np.array([model.materials[n].E if model.materials[n].G0 < TOUGH else SOFT for n in own])
         worst = int(np.argmax(np.where(stiffness < SOFT, peak, 0.0)))
         if peak[worst] > LARGE_STRETCH and stiffness[worst] < SOFT:
             one, place = model.materials[own[worst]], model.place_of(int(own[worst])).removeprefix(f"{model.name}: ")
-            yield (
+            absurd.append(
                 f"{place}: E = {one.E:g} Pa and G0 = {one.G0:g} J/m^2 give bonds that carry up to a stretch of"
                 f" {peak[worst]:.2g}, more than {LARGE_STRETCH:g}: is E in Pa, not in MPa or GPa?"
             )
-            return
+            break  # the first materials alike are enough
+    return [*absurd, *negative_secants(model).values()]
 
 
 def negative_secants(model: Model) -> dict[str, str]:

@@ -124,19 +124,16 @@ class _NodePatchUnionFind:
         rows = self.members[largest]
         far = np.hypot(*(self.position[rows] - self.position[began.origin_nodes].mean(axis=0)).T)
         if (far >= SHORTEST * self.delta[rows]).any():
-            return _CrackOrigin(first, self._choose_origin_nodes(began.origin_nodes, rows))
+            # the nodes that cracked first or, if they are many, those furthest from the centre of the crack
+            nodes = began.origin_nodes
+            apart = np.hypot(*(self.position[nodes] - self.position[nodes].mean(axis=0)).T)
+            if not (apart <= SHORTEST / 2 * self.delta[nodes]).all():
+                off = np.hypot(*(self.position[nodes] - self.position[rows].mean(axis=0)).T)
+                is_far = off >= off.max() - ABREAST * self.delta[nodes]
+                nodes = [node for node, far in zip(nodes, is_far, strict=True) if far]
+            return _CrackOrigin(first, nodes)
         self.roots[largest] = began
         return None
-
-    def _choose_origin_nodes(self, first_nodes: list[int], patch_nodes: list[int]) -> list[int]:
-        """Origin of a crack: the nodes that cracked first or, if they are many, those furthest from their centre."""
-        apart = np.hypot(*(self.position[first_nodes] - self.position[first_nodes].mean(axis=0)).T)
-        if (apart <= SHORTEST / 2 * self.delta[first_nodes]).all():
-            return first_nodes
-        far = np.hypot(*(self.position[first_nodes] - self.position[patch_nodes].mean(axis=0)).T)
-        return [
-            node for node, off in zip(first_nodes, far, strict=True) if off >= far.max() - ABREAST * self.delta[node]
-        ]
 
 
 def _connected_components_of_pairs(pairs: set[tuple[int, int]]) -> list[list[int]]:

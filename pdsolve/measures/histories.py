@@ -48,7 +48,11 @@ def node_history(
     label = f"node {node}"
     probes = results.probes()
     mine = probes[probes["node"] == node]
-    if len(mine) and (len(results.epochs()) == 1 or len(mine) == _count_balance_rows_in_node_life(results, node)):
+    is_complete = len(mine) > 0
+    if is_complete and len(results.epochs()) > 1:  # a row for each balance row in the node's life
+        steps = results.history()["step"].astype(np.int64)
+        is_complete = len(mine) == int((results.lives().at(np.full(len(steps), node), steps) >= 0).sum())
+    if is_complete:
         columns = of_dimension(quantity, results.dimension)
         value = _vector_component(np.column_stack([mine[column] for column in columns]), component)
         return NodeHistory(label, component, (node,), "probe", mine["time"], value, value, value, place, 0.0)
@@ -135,12 +139,6 @@ def _read_quantity_of_frames(
     steps, times = frames(results)
     frame_vectors = (vector(results, quantity, step)[select_rows(results.nodes(step))] for step in steps.tolist())
     return times, [_vector_component(ways, component) for ways in frame_vectors]
-
-
-def _count_balance_rows_in_node_life(results: Results, node: int) -> int:
-    """Number of ledger entries during a node's life."""
-    steps = results.history()["step"].astype(np.int64)
-    return int((results.lives().at(np.full(len(steps), node), steps) >= 0).sum())
 
 
 def _distances_from_place(nodes: Nodes, place: Place) -> NDArray[np.float64]:

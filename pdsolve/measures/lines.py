@@ -66,7 +66,12 @@ def sample_field_along_line(
     count = min(int(np.ceil(PER_SPACING * length / nodes.delta[rows].min(initial=length))) + 1, MOST)
     share = np.linspace(0, 1, max(count, 2))
     places = ends[0] + share[:, None] * way
-    on = _places_are_on_body(results, nodes, places)
+    if results.dimension == 3:  # in the cube of the nearest node
+        away, nearest = cKDTree(nodes.position).query(places, p=np.inf)
+        on = away <= (0.5 + NEAR) * nodes.delta[nearest]
+    else:
+        slack = 1e-6 * float(nodes.delta.min())
+        on = shapely.dwithin(read_plate_geometry(results).plate_shape, shapely.points(places), slack)
     if not len(rows) or not on.any():
         raise ResultsError(
             f"{results.name}: no place from {_format_coordinates(start)} to {_format_coordinates(end)} is in the"
@@ -95,15 +100,6 @@ def _bounding_box(results: Results, nodes: Nodes) -> tuple[float, ...]:
         return tuple(map(float, read_plate_geometry(results).plate_shape.bounds))
     half = nodes.delta[:, None] / 2
     return (*(nodes.position - half).min(axis=0).tolist(), *(nodes.position + half).max(axis=0).tolist())
-
-
-def _places_are_on_body(results: Results, nodes: Nodes, places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Mask (k,) of the places on the plate, or in a body in the cube of their nearest node."""
-    if results.dimension == 3:
-        away, nearest = cKDTree(nodes.position).query(places, p=np.inf)
-        return np.asarray(away <= (0.5 + NEAR) * nodes.delta[nearest])
-    slack = 1e-6 * float(nodes.delta.min())
-    return np.asarray(shapely.dwithin(read_plate_geometry(results).plate_shape, shapely.points(places), slack))
 
 
 def _interpolation_rows_and_weights(

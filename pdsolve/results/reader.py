@@ -105,27 +105,21 @@ class Results:
             try:
                 results = cls(connection, str(path), path.resolve())
                 results._tables.expect_ours()
-                results._open_pieces(path)
+                text = results._meta_rows(f"WHERE key = '{pieces.KEY}'").get(pieces.KEY)
+                if text is not None:  # an index of the databases of ranks
+                    results.pieces, sets = pieces.pieces_of(text, results.name), []
+                    for piece in results.pieces:
+                        first = len(results._others)
+                        for file in piece.files:
+                            results._others.append(Results.open(pieces.beside(path, file)))
+                        sets.append((piece, [rank_results._tables for rank_results in results._others[first:]]))
+                    results._tables = pieces.TablesInPieces(results._tables, sets)
                 if results._tables.count("node") == 0:  # a run writes its nodes together with its tables
                     results._tables.impossible("node", validation.NO_NODE)
             except BaseException:
                 results.close() if results is not None else connection.close()
                 raise
         return results
-
-    def _open_pieces(self, path: Path) -> None:
-        """Open the databases of ranks that this is the index of, if it is one. Raises ResultsError."""
-        text = self._meta_rows(f"WHERE key = '{pieces.KEY}'").get(pieces.KEY)
-        if text is None:
-            return
-        self.pieces, sets = pieces.pieces_of(text, self.name), []
-        for piece in self.pieces:
-            for file in piece.files:
-                self._others.append(Results.open(pieces.beside(path, file)))
-            sets.append(
-                (piece, [rank_results._tables for rank_results in self._others[len(self._others) - len(piece.files) :]])
-            )
-        self._tables = pieces.TablesInPieces(self._tables, sets)
 
     @property
     def version(self) -> int:

@@ -94,7 +94,8 @@ def state_of(path: Path) -> State:
         with Results.open(path) as results, explained(path):
             meta, connection = results.meta(), results.connection
             log = log_of(connection, path)
-            step, frame = (_last(connection, table) for table in ("checkpoint", "frame"))
+            ((step,),) = connection.execute("SELECT max(step) FROM checkpoint")
+            ((frame,),) = connection.execute("SELECT max(step) FROM frame")
             status = meta.get("status")
             kind = StateKind.UNBEGUN if step is None else StateKind.STOPPED
             if status == "finished":
@@ -116,11 +117,6 @@ def is_empty(path: Path) -> bool:
     except (ResultsError, OSError):
         return False
     return state.kind is StateKind.EMPTY and not state.log.lost
-
-
-def _last(connection: sqlite3.Connection, table: str) -> int | None:
-    ((step,),) = connection.execute(f"SELECT max(step) FROM {table}")
-    return None if step is None else int(step)
 
 
 def remove(path: Path, of_ranks: bool = True) -> None:

@@ -61,7 +61,21 @@ def _wrong(real: str, end: str) -> str | None:
             return "no regular file"
         if status.st_nlink > 1:
             return "a hard link to another file"
-        return _wrong_content(real, end, os.read(handle, HEADER.size), status.st_size)
+        head, size = os.read(handle, HEADER.size), status.st_size
+        if not head[: len(MAGIC)].strip(b"\0"):  # not written yet, or not in use
+            return None
+        if end == INDEX:
+            ours = size <= LEAST or (size % BLOCK == 0 and struct.unpack_from("=I", head)[0] == VERSION)
+            return None if ours else "no index of a log"
+        if end == JOURNAL:
+            ours = head.startswith(MAGIC) or _is_unsynchronized(head)
+            return None if ours else "no journal of SQLite"
+        if head[:4] not in LOGS:
+            return "no log of SQLite"
+        # its writer may just have ended
+        if os.path.exists(real) and not is_logged(real) and os.path.exists(real + end):
+            return "a log although the database has none"
+        return None
     finally:
         os.close(handle)
 
@@ -69,23 +83,6 @@ def _wrong(real: str, end: str) -> str | None:
 def _flag(name: str) -> int:
     """A flag for opening files, 0 where the system has none of this name."""
     return getattr(os, name, 0)
-
-
-def _wrong_content(real: str, end: str, head: bytes, size: int) -> str | None:
-    """What is wrong with a regular file beside the database at `real`, of which this is the head."""
-    if not head[: len(MAGIC)].strip(b"\0"):  # not written yet, or not in use
-        return None
-    if end == INDEX:
-        ours = size <= LEAST or (size % BLOCK == 0 and struct.unpack_from("=I", head)[0] == VERSION)
-        return None if ours else "no index of a log"
-    if end == JOURNAL:
-        ours = head.startswith(MAGIC) or _is_unsynchronized(head)
-        return None if ours else "no journal of SQLite"
-    if head[:4] not in LOGS:
-        return "no log of SQLite"
-    if os.path.exists(real) and not is_logged(real) and os.path.exists(real + end):  # its writer may just have ended
-        return "a log although the database has none"
-    return None
 
 
 def _is_unsynchronized(head: bytes) -> bool:
@@ -249,7 +246,8 @@ def _records(journal: BinaryIO, length: int, sector: int, page: int) -> Iterator
             number = int.from_bytes(record[:4])
             if number == LOCKS[0] // page + 1:
                 yield number, at + 4
-            if len(record) < page + 8 or not number or _sum(record[4:-4], nonce) != int.from_bytes(record[-4:]):
+            checksum = (nonce + sum(record[page + 4 - STRIDE : 4 : -STRIDE])) & 0xFFFFFFFF
+            if len(record) < page + 8 or not number or checksum != int.from_bytes(record[-4:]):
                 return
             yield number, at + 4
             at += page + 8
@@ -264,11 +262,6 @@ def _read(file: BinaryIO, size: int, at: int) -> bytes:
 def _is_power(number: int, least: int) -> bool:
     """Whether a number is a power of two from `least` to 65536."""
     return least <= number <= 65536 and number & (number - 1) == 0
-
-
-def _sum(page: bytes, nonce: int) -> int:
-    """SQLite's checksum of a page in a journal."""
-    return (nonce + sum(page[len(page) - STRIDE : 0 : -STRIDE])) & 0xFFFFFFFF
 
 
 def _put_back(original: Original, journal: BinaryIO, database: BinaryIO) -> None:

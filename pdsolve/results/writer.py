@@ -171,7 +171,21 @@ class Writer:
             self._append("reaction", frame.reactions)
             self._append("crack_particle", frame.particles)
             if frame.checkpoint is not None:
-                self._write_checkpoint(frame.step, frame.checkpoint, frame.keeps)
+                self.connection.execute(
+                    "DELETE FROM checkpoint WHERE ? IS NULL OR step < ?", (frame.keeps, frame.keeps)
+                )
+                for name, array in frame.checkpoint.items():  # one by one, as they are large
+                    key = (name, frame.step, array.dtype.str)
+                    if isinstance(array, Column):
+                        self._write_entry(key, array)
+                        continue
+                    flat = np.ascontiguousarray(array).reshape(-1)
+                    if array.nbytes >= LARGE:  # of large ones SQLite would make copies
+                        pieces = (flat[at : at + PIECE] for at in range(0, len(flat), PIECE))
+                        self._write_entry(key, Column(flat.dtype, len(flat), zlib.crc32(flat.data), pieces))
+                    else:
+                        self._insert("INSERT", "checkpoint", [with_crc("checkpoint", (*key, flat.view(np.uint8).data))])
+                self._add_up("checkpoint")
                 self._write_meta({"wall_time": frame.wall_time})
 
     def close(self, status: str) -> None:
@@ -328,23 +342,6 @@ class Writer:
         bits = data.data
         parts = ((chunk, bits[CHUNK * chunk : CHUNK * (chunk + 1)]) for chunk in chunks.tolist())
         self._append("field_chunk", [(step, name, first + chunk, part) for chunk, part in parts])
-
-    def _write_checkpoint(
-        self, step: int, state: Mapping[str, NDArray[Any] | Column], keeps: int | None = None
-    ) -> None:
-        self.connection.execute("DELETE FROM checkpoint WHERE ? IS NULL OR step < ?", (keeps, keeps))
-        for name, array in state.items():  # one by one, as they are large
-            key = (name, step, array.dtype.str)
-            if isinstance(array, Column):
-                self._write_entry(key, array)
-                continue
-            flat = np.ascontiguousarray(array).reshape(-1)
-            if array.nbytes >= LARGE:  # of large ones SQLite would make copies
-                pieces = (flat[at : at + PIECE] for at in range(0, len(flat), PIECE))
-                self._write_entry(key, Column(flat.dtype, len(flat), zlib.crc32(flat.data), pieces))
-            else:
-                self._insert("INSERT", "checkpoint", [with_crc("checkpoint", (*key, flat.view(np.uint8).data))])
-        self._add_up("checkpoint")
 
     def _write_entry(self, key: Row, column: Column) -> None:
         """Write a row of the checkpoint whose data come in pieces."""

@@ -30,9 +30,14 @@ def parser() -> argparse.ArgumentParser:
     program.add_argument("--force", action="store_true", help="remove existing runs and begin anew")
     program.add_argument("--again", action="store_true", help="solve failed runs once more")
     program.add_argument(
-        "--workers", type=_count, metavar="N", help="number of processes (default: cores divided by --threads)"
+        "--workers",
+        type=commandline.count,
+        metavar="N",
+        help="number of processes (default: cores divided by --threads)",
     )
-    program.add_argument("--threads", type=_count, default=1, metavar="N", help="threads of each run (default: 1)")
+    program.add_argument(
+        "--threads", type=commandline.count, default=1, metavar="N", help="threads of each run (default: 1)"
+    )
     program.add_argument(
         "--scheduler",
         metavar="ADDRESS",
@@ -43,12 +48,6 @@ def parser() -> argparse.ArgumentParser:
     program.add_argument("--json", action="store_true", help="print the rows as JSON on stdout")
     program.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors and warnings")
     return program
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"cannot use '{text}'; use a whole number from 1")
-    return int(text)
 
 
 def main(argv: Sequence[str]) -> int:

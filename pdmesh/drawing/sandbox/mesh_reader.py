@@ -41,7 +41,16 @@ def main(result: str) -> None:
             if job["walls"]:
                 with contextlib.redirect_stderr(io.StringIO()):
                     meshio._common.error(":x:")  # loads what it says errors with, which walls would not let it
-            _load(job["reader"], Path(job["path"]).suffix.lower())
+            # confinement blocks later imports
+            os.environ["HDF5_USE_FILE_LOCKING"] = "FALSE"  # walls keep a lock from being taken, and nobody writes
+            if job["reader"] in OTHERS:
+                OTHERS[job["reader"]].load()
+                if hasattr(os, "sched_setaffinity"):  # no thread beside this one may be started
+                    os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])
+            else:
+                for module in NEEDED.get(Path(job["path"]).suffix.lower(), ()):
+                    with contextlib.suppress(ImportError):  # meshio says so, where it needs it
+                        import_module(module)
             if job["walls"]:
                 walls = raise_walls(Path.cwd(), job["seconds"], job["memory"])
             about, arrays = _found(job)
@@ -53,22 +62,6 @@ def main(result: str) -> None:
         np.savez(file, about=description, **arrays)  # type: ignore[arg-type]
         file.flush()
         os._exit(0)
-
-
-def _load(reader: str, suffix: str) -> None:
-    """Import the modules that a reader needs for a format, as confinement blocks later imports.
-
-    Raises ModuleNotFoundError and OSError.
-    """
-    os.environ["HDF5_USE_FILE_LOCKING"] = "FALSE"  # walls keep a lock from being taken, and nobody writes
-    if reader in OTHERS:
-        OTHERS[reader].load()
-        if hasattr(os, "sched_setaffinity"):  # no thread beside this one may be started
-            os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])
-        return
-    for module in NEEDED.get(suffix, ()):
-        with contextlib.suppress(ImportError):  # meshio says so, where it needs it
-            import_module(module)
 
 
 def _found(job: dict[str, Any]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

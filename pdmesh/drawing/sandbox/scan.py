@@ -218,7 +218,9 @@ def admitted(drawing: Drawing, drawing_names: Collection[str]) -> list[Token]:
         if token.kind == "word" and not _listed(drawing, place, drawing_names):
             member = drawing.text(place - 1) == "."
             if not member and (token.text not in drawing_names or token.text in KEYWORDS):
-                raise Refused(token.line, _quoted(drawing, place), HARMLESS, trustable=True)
+                dotted = drawing.text(place + 1) == "." and drawing.kind(place + 2) == "word"
+                name = f"{token.text}.{drawing.text(place + 2)}" if dotted else token.text
+                raise Refused(token.line, f"'{name}'", HARMLESS, trustable=True)
             admitted_tokens[place] = token._replace(text=OWN + token.text)
         elif token.kind == "word" and token.text in MESSAGES:  # what a message says of a number is no matter
             text = drawing.tokens[place + 2]
@@ -232,15 +234,6 @@ def admitted(drawing: Drawing, drawing_names: Collection[str]) -> list[Token]:
             if count > MOST_INDICES:
                 raise Refused(token.line, f"{count} of '~{{...}}' in a row", f"at most {MOST_INDICES}")
     return admitted_tokens
-
-
-def _quoted(drawing: Drawing, place: int) -> str:
-    """A word for a message, with the object it is an option of."""
-    text = drawing.text(place)
-    if drawing.text(place - 1) == ".":
-        return f"'{drawing.text(place - 2)}.{text}'"
-    dotted = drawing.text(place + 1) == "." and drawing.kind(place + 2) == "word"
-    return f"'{text}.{drawing.text(place + 2)}'" if dotted else f"'{text}'"
 
 
 def _listed(drawing: Drawing, place: int, drawing_names: Collection[str]) -> bool:
@@ -303,7 +296,21 @@ def _prints(drawing: Drawing, place: int) -> bool:
     if drawing.text(place + 3) in (")", "]"):
         # no numbers: Gmsh takes the text for the format of a message all the same
         return TEXT.fullmatch(content) is not None and len(content.encode()) <= LONGEST_STRING
-    return drawing.text(place + 3) == "," and _is_short(_plain(content))
+    if drawing.text(place + 3) != ",":
+        return False
+    # each piece of the format, and its output for any numbers, must be short
+    content = _plain(content)
+    start = content.find("%") if "%" in content else len(content)
+    sizes, at = [start], start
+    while at < len(content):
+        piece = PIECE.match(content, at)
+        if piece is None:
+            return False
+        after = len(piece[0].encode()) - len(piece["number"] or "")
+        widest = max(int(piece["width"] or 0), int(piece["digits"] or 6) + MORE) if piece["number"] else 0
+        sizes.append(max(len(piece[0].encode()), after + widest))
+        at = piece.end()
+    return max(sizes) <= BUFFER and sum(sizes) <= LONGEST_STRING and "\n" not in content and "\r" not in content
 
 
 def _plain(content: str) -> str:
@@ -316,21 +323,6 @@ def _plain(content: str) -> str:
         return piece[0][: end - 1] + {"f": "g", "F": "G"}[piece["kind"]] + piece[0][end:]
 
     return PIECE.sub(with_digits, content)
-
-
-def _is_short(content: str) -> bool:
-    """Whether each piece of a format, and its output for any numbers, is short."""
-    start = content.find("%") if "%" in content else len(content)
-    sizes, place = [start], start
-    while place < len(content):
-        piece = PIECE.match(content, place)
-        if piece is None:
-            return False
-        after = len(piece[0].encode()) - len(piece["number"] or "")
-        widest = max(int(piece["width"] or 0), int(piece["digits"] or 6) + MORE) if piece["number"] else 0
-        sizes.append(max(len(piece[0].encode()), after + widest))
-        place = piece.end()
-    return max(sizes) <= BUFFER and sum(sizes) <= LONGEST_STRING and "\n" not in content and "\r" not in content
 
 
 def _factory(drawing: Drawing, place: int) -> bool:
