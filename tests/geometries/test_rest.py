@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 import numpy as np
 import pytest
-from plates import shipped
+from plates import ROOT, shipped
 
 from pdpost import crack
 from pdsolve.measures.stress_intensities import follow_tip_intensities
@@ -18,6 +18,7 @@ from pdsolve.run.simulation import Options, simulate
 
 STIFFNESS, TOUGHNESS = 3e9 / (1 - 1 / 16), 350.0  # Pa in plane strain with the nu = 1/4 of bonds; J/m^2
 WIDTH, RATIO = 0.05, 0.5
+WINKLER = ROOT / "docs" / "verification" / "reproductions" / "data" / "winkler_l_panel.csv"
 
 
 def model(name: str, **static: Any) -> Model:
@@ -134,3 +135,6 @@ def test_a_panel_of_concrete_carries_what_tests_do() -> None:
     assert arm["force_y"][-1] < 0.03 * arm["force_y"].max()
     assert abs(said["balance"]) < 1e-3  # measured: 8e-4
     assert said["path_steps"][-1]["factor"] == 1
+    lift, load = np.loadtxt(WINKLER, delimiter=",", skiprows=3).T  # mm, N: the curve of a test
+    assert arm["displacement_y"][-1] == pytest.approx(1e-3 * lift[-1], rel=1e-3)  # the path goes to its end,
+    assert 0 < arm["force_y"][-1] * 0.1 < load[-1]  # where less is left of the load; measured: 81 N of 1040
