@@ -48,7 +48,7 @@ SLOW = 10  # iterations with the factors of the undeformed body: an equilibrium 
 PATIENCE = 6  # iterations in which an old tangent must bring the residual down by FALL
 FALL = 0.1
 GROWN = 1e3  # times the least residual so far: a tangent that leads away
-MIXED = 12  # steps that are mixed
+MIXED = 8  # steps that are mixed
 ALIKE = 1e-13  # relative: mixtures of steps that differ less count as none
 INNER = 1e-4  # of the residual is left by one solution of the equations without factors
 INNER_MOST = 20_000  # iterations of such a solution
@@ -90,10 +90,11 @@ class Newton:
         self._factors_in_use: FactorsWithoutBonds | None = None
         self._inverse: Callable[[Array], Array] | None = None
         self._matrix: csr_array | None = None
+        self._lasting: _LastingTangent | None = None  # of this matrix, with earlier steps
 
     def discard_reused_tangent(self) -> None:
         """Discard the factors of the tangent, so that what follows depends on the state alone."""
-        self._inverse = self._matrix = self._factors_in_use = None
+        self._inverse = self._matrix = self._factors_in_use = self._lasting = None
 
     def discard_reference(self) -> None:
         """Take new factors in each load step from now on, as those of the undeformed body lead too slowly to rest."""
@@ -186,7 +187,10 @@ class Newton:
         """Iterate with the earlier tangent; returns None where that stalls, and how many iterations there were."""
         assert self._inverse is not None
         assert self._matrix is not None
-        lasting, equilibrium = _LastingTangent(body, self._matrix, self._inverse), cast("Equilibrium | None", None)
+        if self._lasting is None:
+            self._lasting = _LastingTangent(body, self._matrix, self._inverse)
+        lasting, equilibrium = self._lasting, cast("Equilibrium | None", None)
+        lasting.begin(body)
         try:
             equilibrium = self._iterate(body, conditions, lasting, lasting.solve, report_progress, 0)
             count = equilibrium.iterations
@@ -242,7 +246,7 @@ class Newton:
         from scipy.sparse import diags_array  # SciPy takes long to import, and few runs ask
         from scipy.sparse.linalg import bicgstab, cg
 
-        symmetric, self._matrix = self._operator.symmetric, matrix
+        symmetric, self._matrix, self._lasting = self._operator.symmetric, matrix, None
         inner = matrix[free.ravel()][:, free.ravel()]
         if not self._factored:
             diagonal = inner.diagonal()
@@ -296,12 +300,16 @@ class _LastingTangent(Tangents):
 
     def __init__(self, body: OperatorBody, matrix: csr_array, inverse: Callable[[Array], Array]) -> None:
         super().__init__(body)
-        self._body, self._matrix, self._inverse, self.best = body, matrix, inverse, body.state.value.copy()
-        self._least, self._milestone, self._reached = np.inf, np.inf, 0
-        self._last: tuple[Array, Array] | None = None  # step, and what the tangent had proposed
+        self._matrix, self._inverse = matrix, inverse
         self._moves: list[Array] = []  # changes (k,) of values, and of values with what the tangent proposes, and
         self._changes: list[Array] = []  # of the latter alone; `MIXED` at most
         self._products = np.zeros((0, 0))  # of these changes with each other
+
+    def begin(self, body: OperatorBody) -> None:
+        """Begin another equilibrium: changes of earlier ones say how the tangent differs, though bonds broke since."""
+        self._body, self.best = body, body.state.value.copy()
+        self._least, self._milestone, self._reached = np.inf, np.inf, 0
+        self._last: tuple[Array, Array] | None = None  # step, and what the tangent had proposed
 
     def goes_on(self, iteration: int, residual: float, residual_before: float) -> bool:
         """Whether the residual has fallen lately."""
@@ -323,6 +331,7 @@ class _LastingTangent(Tangents):
         step = proposed.copy()
         if self._last is not None:
             self._add_change(self._last[0], proposed - self._last[1])
+        if self._changes:
             right = np.array([proposed @ earlier_change for earlier_change in self._changes])
             shares = np.linalg.lstsq(self._products, right, rcond=ALIKE)[0]
             for share, move in zip(shares.tolist(), self._moves, strict=True):
