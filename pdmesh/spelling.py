@@ -66,12 +66,20 @@ OTHER_NAMES = {
 
 
 def nearest(name: str, names: Iterable[str], cutoff: float = 0.0) -> str:
-    """The most similar of these `names`; "" if none has at least the similarity `cutoff`, from 0 to 1."""
+    """The most similar of these `names`; "" if none has at least the similarity `cutoff`, from 0 to 1.
+
+    Of names that are equally similar, such as those of several axes, the first by alphabet.
+    """
     import difflib  # where something is wrong alone
 
     lower = {candidate.lower(): candidate for candidate in sorted(names, reverse=True)}
-    close = difflib.get_close_matches(name.lower(), lower, n=1, cutoff=cutoff)
-    return lower[close[0]] if close else ""
+    matcher = difflib.SequenceMatcher(b=name.lower())
+    best, most = "", cutoff
+    for candidate in sorted(lower, reverse=True):
+        matcher.set_seq1(candidate)
+        if (similarity := matcher.ratio()) >= most:
+            best, most = lower[candidate], similarity
+    return best
 
 
 def meant(name: str, known: Iterable[str], cutoff: float = ALIKE) -> str:

@@ -175,12 +175,13 @@ def info_lines(result: dict[str, Any]) -> list[str]:
     place = ", ".join(f"{axis} {low:g} to {high:g} m" for axis, low, high in ends)
     what, unit = ("area", "m^2") if len(box) == 4 else ("volume", "m^3")
     shape = result[f"{what}_of_shape"]
+    counted = "pairs of nodes within the horizon" if result["refused"] else f"bonds in the {result['mode']} mode"
     lines = [
         f"{result['model']}: {result['nodes']} nodes"
         f" ({', '.join(f'{number} of {spacing} m' for spacing, number in result['nodes_by_spacing'].items())})",
         f"{place}; {what} {result[f'{what}_of_nodes']:.10g} {unit}"
         + ("" if shape is None else f", of the shape {shape:.10g} {unit}"),
-        f"{result['bonds']} bonds in the {result['mode']} mode at horizon ratio {result['horizon_ratio']:g};"
+        f"{result['bonds']} {counted} at horizon ratio {result['horizon_ratio']:g};"
         f" {result['bonds_cut_by_cracks']} cut by {result['crack_segments']} crack"
         f" {'segments' if len(box) == 4 else 'triangles'}",
         _step_line(result),
@@ -279,8 +280,9 @@ def _step_line(result: dict[str, Any]) -> str:
         return f"quasi-static: at most {steps} jumps of cycles"
     if result["at_rest"]:
         return f"quasi-static: {step:.4g} s x {steps} load steps"
-    why = f"refused by pdsolve ({result['refused']})" if result["refused"] else "no material"
-    sure = f"{why}, so no stable step" if stable is None else f"stable time step {stable:.4g} s"
+    if result["refused"]:
+        return f"refused by pdsolve ({result['refused']})"
+    sure = "no material, so no stable step" if stable is None else f"stable time step {stable:.4g} s"
     return f"{sure}; run: {'steps' if step is None else f'{step:.4g} s x'} {steps}"
 
 

@@ -113,18 +113,24 @@ def chosen_scale(results: Results, step: int) -> float:
 
 
 def box_of(shapes: list[Shape]) -> Box:
-    """The box, m, that contains all the shapes, except for fragments thrown far off the plate."""
+    """The box, m, that contains all the shapes, except for fragments thrown far off the plate.
+
+    A fragment of less than a hundredth of the nodes may lie outside; a stretched body is seen whole.
+    """
     bounds = np.reshape(shapes[0].plate.plate_shape.bounds, (2, 2))
     size = float(np.ptp(bounds, axis=0).max())
     low, high = bounds
+    most = bounds.copy()  # of the nodes, in some shape
     for frame_shape in shapes:
         if frame_shape.scale:
             half = frame_shape.delta[:, None] / 2
             low = np.minimum(low, (frame_shape.position - half).min(axis=0))
             high = np.maximum(high, (frame_shape.position + half).max(axis=0))
+            inner = np.percentile(frame_shape.position, (1, 99), axis=0)
+            most = np.array([np.minimum(most[0], inner[0]), np.maximum(most[1], inner[1])])
     room = (ROOM if any(frame_shape.scale for frame_shape in shapes) else MARGIN) * size
-    x0, y0 = np.maximum(low - MARGIN * size, bounds[0] - room).tolist()
-    x1, y1 = np.minimum(high + MARGIN * size, bounds[1] + room).tolist()
+    x0, y0 = np.maximum(low - MARGIN * size, most[0] - room).tolist()
+    x1, y1 = np.minimum(high + MARGIN * size, most[1] + room).tolist()
     return x0, y0, x1, y1
 
 

@@ -54,7 +54,15 @@ def find_loose_bodies(
         more = f", and {others} more" if others else ""
     else:
         body_nodes, what, more = swinging, f"{int(swinging.sum())} nodes that bonds hold in one direction only", ""
-    free = "turn" if missing.any() and constrained[body_nodes].any(axis=0).all() else "move"
+    unsupported_axes = [
+        axis for axis, any_node in zip("xyz", constrained[body_nodes].any(axis=0), strict=False) if not any_node
+    ]
+    if missing.any() and not unsupported_axes:
+        free = "turn"
+    elif missing.any() and len(unsupported_axes) < position.shape[1]:
+        free = f"move along {' and '.join(unsupported_axes)}"
+    else:
+        free = "move"
     return LooseBodies(
         is_loose_node,
         f"{what} around {_format_centre(position[body_nodes])} (node {ids[body_nodes][0]}) can {free}{more}",

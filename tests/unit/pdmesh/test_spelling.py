@@ -33,6 +33,8 @@ OPTIONS = ("--output", "--force", "--threads", "--resume", "--static", "--every"
         ("Peridynamics/material/rhoo", [f"Peridynamics/{name}" for name in NAMES], "Peridynamics/Material/rho"),
         ("Peridynamics/Zones/fine/dx", ["Peridynamics/Zones/fine/Spacing", "Peridynamics/Bodies/fine/Spacing"],
          "Peridynamics/Zones/fine/Spacing"),
+        ("Fixes/right/Displacment", [f"Fixes/right/Displacement {axis}" for axis in "zxy"],
+         "Fixes/right/Displacement x"),  # the first of several that are as near
         ("xyzzy", OPTIONS, ""),
         ("--field", OPTIONS, ""),  # no misspelt --file, which is another word for --output
         ("--material", OPTIONS, ""),  # nor interval, for --every

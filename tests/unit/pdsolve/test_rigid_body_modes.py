@@ -50,6 +50,7 @@ def test_a_strip_turns_about_a_row_held_along_it_alone() -> None:
     position, bonds = rows(300, 3)
     held = np.zeros(position.shape, dtype=bool)
     held[position[:, 1] < 1e-9, 0] = True
+    assert "can move along y" in find_loose_bodies(position, np.arange(900), (bonds[0], bonds[1]), held).description
     held[0, 1] = True
     assert "can turn" in find_loose_bodies(position + 0.1, np.arange(900), (bonds[0], bonds[1]), held).description
 

@@ -173,6 +173,21 @@ def test_a_film_names_the_largest_of_all_frames(small_results: Path) -> None:
         assert max(high for *_, high in ranges) == max(results.field("energy", step).max() for step in steps)
 
 
+@pytest.mark.parametrize(("share", "seen_whole"), [(0.5, True), (0.005, False)])
+def test_a_stretched_body_is_seen_whole_and_a_fragment_thrown_far_is_not(
+    small_results: Path, share: float, seen_whole: bool
+) -> None:
+    """The part of the nodes at the right end moves by three lengths of the plate."""
+    with Results.open(small_results) as results:
+        shape = sheets.shape(results, results.frames()[0].tolist()[0], 0.0)
+    position = shape.position.copy()
+    length = np.ptp(position[:, 0])
+    moved = np.argsort(position[:, 0])[-max(int(share * len(position)), 1) :]
+    position[moved, 0] += 3 * length
+    right_end = sheets.box_of([shape._replace(position=position, scale=1.0)])[2]
+    assert (right_end > position[:, 0].max()) == seen_whole
+
+
 def torn_plate() -> tuple[Results, NDArray[np.float64]]:
     """A lattice that is stretched by 1e-4, and the ids of two of its nodes that hang by a few bonds and are far off."""
     from damaged_results import at, lattice
