@@ -35,6 +35,19 @@ def aligned_zeros(shape: tuple[int, ...], dtype: DTypeLike) -> NDArray[Any]:
     return room[at : at + count].view(dtype).reshape(shape)
 
 
+def bytes_of_arrays(*parts: Any) -> int:
+    """The memory, bytes, of the arrays among these and in tuples among these; one that is there twice counts once."""
+    sizes, waiting = dict[int, int](), list(parts)
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, tuple | list):
+            waiting.extend(part)
+        elif isinstance(part, np.ndarray):
+            start = part.ctypes.data
+            sizes[start] = max(sizes.get(start, 0), part.nbytes)
+    return sum(sizes.values())
+
+
 def large_arrays_apart() -> None:
     """Give arrays of 4 MiB and more pages of their own, which return to the system with them.
 

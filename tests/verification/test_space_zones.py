@@ -14,8 +14,11 @@ from zoned_blocks import GLASS, HEIGHT, LENGTH, SMALL, WIDTH, H, blob, block, pl
 import pdmesh
 from pdmesh import Body, Box, Cylinder, Run, ramp
 from pdmesh.drawing.building import meshed
+from pdmesh.model.document import Load
 from pdsolve.adaptivity.hybrid.space.coarse_springs import cubic_stiffness
 from pdsolve.adaptivity.hybrid.space.prepare import SEAM, compute_vertex_force_ratio, create_operator_of_cells
+from pdsolve.conditions import factors_at
+from pdsolve.errors import FineZoneTooLateError
 from pdsolve.laws.pair_laws.brittle import LAW
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
@@ -231,3 +234,76 @@ def test_refining_looks_at_all_that_changes() -> None:
     ):
         assert np.array_equal(one, other)
     assert np.array_equal(again.forces_at_displacements(found.value), after.forces_at_displacements(found.value))
+
+
+@pytest.mark.slow
+def test_a_clipped_bond_over_its_limit_is_an_error() -> None:
+    """A fine node beside the border is torn off, which no spring notes: the zone is late, in the step that says so."""
+    problem = prepare(block("hybrid"), Options(threads=1))
+    operator, state = zone_operator(problem), problem.state
+    engine = operator.engine
+    ends = engine.seam.pieces.points.interpolation_nodes[:, 0]
+    fine_end = int(ends[ends >= 0][0]) - engine.full_body.fine_sites.margin
+    state.value[operator.places == fine_end, 0] = 0.5 * H
+    operator.set_node_motion(state)
+    with pytest.raises(FineZoneTooLateError) as late:
+        engine.advance(1, 3)
+    assert late.value.step == 1
+    assert engine.zone_summary().clipped_stretch > 1
+
+
+@pytest.mark.slow
+def test_refining_keeps_what_was_booked_and_what_acts() -> None:
+    """In motion, under a grip and a load: work and damping booked, loads, the forces that hold nodes, and the energy
+    that leapfrog keeps, but for what is booked as refinement."""
+    model = block("hybrid")
+    load = Load(box=(-1.0, -1.0, -1.0, 1.0, 1.0, 1.0), body_force=(0.0, 2e7, 0.0), profile=((0.0, 0.0), (1e-5, 1.0)))
+    run = msgspec.structs.replace(model.settings.run, damping=2e3)
+    conditions = (*model.settings.conditions, load)
+    settings = msgspec.structs.replace(model.settings, run=run, conditions=conditions)
+    problem = prepare(Model(model.grid, settings), Options(threads=1))
+    problem.advance(1, 60)
+    engine = zone_operator(problem).engine
+
+    def totals() -> tuple[list[float], np.ndarray, float]:
+        """Booked energies, J, loads (3,), N, and the energy that leapfrog keeps, J."""
+        rows, state, drive = engine.nodes.rows, engine.state, engine.zone_drive
+        volume, mass = engine.volume[rows], (engine.rho * engine.volume)[rows]
+        booked = [float((volume * values[rows]).sum()) for values in (state.work, state.damped)]
+        speed = engine.gather(engine.coarse.v[0], engine.fine.v[0])
+        swing = (engine.time_step / 2) ** 2 * (state.second[rows] ** 2).sum(axis=1)
+        kinetic = float((mass / 2 * ((speed**2).sum(axis=0) - swing)).sum())
+        force = (volume[:, None] * drive.force[rows]).sum(axis=0)
+        return booked, force, kinetic + float(engine.energies()[0].sum())
+
+    booked, force, energy = totals()
+    numbering = engine.full_body.fine_lattice.numbering.cells
+    z = lattice_coordinates(numbering, np.arange(numbering.place_count))[2]
+    new = np.flatnonzero((engine.cell_kinds == COARSE) & (z > numbering.counts[2] - 4))  # at the upper grip
+    before, held = engine.refinement_energy, engine.held_force.copy()
+    engine.cell_kinds[new] = FINE
+    engine.refine_cells(new)
+    booked_after, force_after, energy_after = totals()
+    assert booked_after == pytest.approx(booked, rel=1e-12)
+    assert force_after == pytest.approx(force, rel=1e-12)
+    factor = factors_at(engine.drive.profiles, engine.time)[-1]
+    assert force_after[1] == pytest.approx(2e7 * factor * engine.full_volume.sum(), rel=1e-9)
+    operator = problem.system.moving_zone_operator.new_operator_if_nodes_changed()  # type: ignore[union-attr]
+    assert operator is not None
+    holds, place_of = engine.drive.holds, {int(row): n for n, row in enumerate(operator.grid_rows)}
+    density = operator.forces_at_displacements(operator.state().value) / operator.area[:, None]  # type: ignore[union-attr]
+    known = [e for e in range(len(holds.node)) if int(holds.node[e]) in place_of and held[e] != engine.held_force[e]]
+    at = [place_of[int(holds.node[e])] for e in known]
+    expected = density[at, holds.axis[known]] + engine.zone_drive.force[holds.node[known], holds.axis[known]]
+    assert len(known) > 50
+    state, rows = operator.state(), operator.grid_rows  # type: ignore[union-attr]
+    pull = density + engine.zone_drive.force[rows]
+    excess = engine.rho[rows, None] * (state.second + engine.damping[rows, None] * state.rate) - pull
+    for node, axis in zip(holds.node.tolist(), holds.axis.tolist(), strict=True):
+        if node in place_of:
+            excess[place_of[node], axis] = 0.0
+    way = engine.time_step * (state.rate + engine.time_step / 2 * state.second)
+    kick = float((operator.area[:, None] * excess / 2 * way).sum())  # type: ignore[union-attr]
+    assert abs(kick) > 0.1 * abs(energy_after - energy)
+    assert engine.refinement_energy - before == pytest.approx(energy_after - energy + kick, rel=1e-4)
+    np.testing.assert_allclose(engine.held_force[known], expected, atol=1e-9 * np.abs(expected).max())

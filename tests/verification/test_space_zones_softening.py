@@ -11,6 +11,7 @@ import pytest
 from zoned_blocks import block
 
 from pdsolve.model import Model
+from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.run.simulation import resume, simulate
@@ -25,7 +26,7 @@ def softening(adapt: str) -> Model:
 
 @pytest.mark.slow
 def test_a_crack_of_softening_bonds_runs_as_on_the_fine_lattice(tmp_path: Path) -> None:
-    """Energies, the first bond and the books; a run that is stopped goes on to the same bits."""
+    """Energies, the first bond and the books; a run that is stopped goes on to the same bits, on two threads too."""
     books, first = [], []
     for adapt in ("none", "hybrid"):
         with simulate(softening(adapt), None, Options(threads=1)) as results:
@@ -42,7 +43,7 @@ def test_a_crack_of_softening_bonds_runs_as_on_the_fine_lattice(tmp_path: Path) 
     path, seen = tmp_path / "stopped.sqlite", list[int]()
     options = Options(threads=1)
     simulate(softening("hybrid"), path, options, lambda now: bool(seen.append(now.step)) or now.step >= 120).close()
-    resume(path, threads=1).close()
+    resume(path, threads=min(2, cores())).close()
     with Results.open(path) as results:
         for name, values in zip(("ux", "uz", "vz", "damage"), fields, strict=True):
             assert np.array_equal(results.field(name, last), values)

@@ -29,6 +29,7 @@ from pdsolve.lattice.marched_bonds import MarchedTiles
 from pdsolve.lattice.operator import TileLattice
 from pdsolve.lattice.sums import sum_some
 from pdsolve.lattice.tiles import EMPTY, SOFTENED, VOLUME
+from pdsolve.numerics.memory import bytes_of_arrays
 from pdsolve.numerics.thread_team import gate_of, side_by_side
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, zero_state
@@ -623,5 +624,6 @@ class BodyEngine:
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""
-        arrays = (*self.full_body.fine_lattice.tiles, *self.state, *self.seam, self.clipped_pieces, self.volume)
-        return self.fine.bytes() + self.coarse.bytes() + sum(getattr(array, "nbytes", 0) for array in arrays)
+        lattices = [(each.tiles, each.sites, each.u, each.v, *each.broken()) for each in (self.fine, self.coarse)]
+        marches = [march.arrays for march in (*(self._marches or ()), *(self._free_marches or ()))]
+        return bytes_of_arrays(*vars(self).values(), *lattices, *marches)

@@ -123,10 +123,12 @@ class HybridBodyOperator(TwoLatticeOperator[BodyEngine]):
         return np.asarray(self.engine.state.dissipated[self.grid_rows])
 
     def forces_at_displacements(self, value: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Forces (n, 3), N, at displacements (n, 3), m; nothing breaks."""
-        nodes = len(value)
+        """Forces (n, 3), N, at displacements (n, 3), m, after which the motion is as before; nothing breaks."""
+        nodes, before, largest_strain = len(value), self.state(), float(self.engine.largest_strain[0])
         self._write_node_motion(State(value, *np.zeros((2, nodes, 3)), *np.zeros((3, nodes))))
         self.engine.sum_forces_and_break_bonds(0, 0.0)
+        self._write_node_motion(before)
+        self.engine.largest_strain[0] = largest_strain
         return self.accelerations() * (self.engine.rho[self.grid_rows] * self.area)[:, None]
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
