@@ -143,8 +143,8 @@ def has_initial_displacement(model: Model) -> bool:
     return has_conditions(model.settings, InitialDisplacement)
 
 
-def initial_displacement(model: Model, drive: Drive, width: int) -> NDArray[np.float64]:
-    """Displacements (n, width) at time 0, m, from initial ones and from what is prescribed then."""
+def initial_displacement(model: Model, drive: Drive | None, width: int) -> NDArray[np.float64]:
+    """Displacements (n, width) at time 0, m, from initial ones and from what is prescribed then by a `drive`."""
     displacement = np.zeros((len(model.grid), width))
     for condition in model.settings.conditions:
         if isinstance(condition, InitialDisplacement):
@@ -152,6 +152,8 @@ def initial_displacement(model: Model, drive: Drive, width: int) -> NDArray[np.f
                 if value is not None:
                     rows = model.selected(condition)
                     displacement[rows, axis] = model.values(value, rows)
+    if drive is None:
+        return displacement
     holds = drive.holds
     is_displacement = holds.kind == DISPLACEMENT
     now = holds.value * factors_at(drive.profiles, 0.0)[holds.profile]

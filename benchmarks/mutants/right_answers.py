@@ -82,8 +82,8 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdmesh/model/possible.py",
-        "STATIC, START, COARSE, ACCELERATION",
-        "STATIC, START, ACCELERATION",
+        "STATIC, START, COARSE, PINS",
+        "STATIC, START, PINS",
         "tests/unit/pdmesh/model/test_possible.py::test_what_cannot_be_is_found",
     ),
     Mutant(

@@ -20,15 +20,15 @@ if TYPE_CHECKING:
 
 
 class EnergyBalanceTotals(NamedTuple):
-    """EnergyTotals over all nodes, per unit thickness in the plane."""
+    """Energies, momentum and broken bonds of all nodes; of a plate per unit thickness."""
 
-    kinetic: float  # J/m
-    strain: float  # J/m
-    dissipated: float  # J/m, spent by bonds
-    damped: float  # J/m, taken by damping
-    work: float  # J/m
-    momentum_x: float  # N s/m
-    momentum_y: float  # N s/m
+    kinetic: float  # J, in the plane J/m, as those below
+    strain: float
+    dissipated: float  # by bonds
+    damped: float  # taken by damping
+    work: float
+    momentum_x: float  # N s, in the plane N s/m
+    momentum_y: float
     broken: int  # directed bonds, so far
     momentum_z: float = 0.0  # N s, of bodies
 
@@ -109,7 +109,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
 
     @abstractmethod
     def accelerations(self) -> NDArray[np.float64]:
-        """Accelerations (n, 2), m/s^2, from the most recent sum of forces."""
+        """Accelerations (n, d), m/s^2, from the most recent sum of forces."""
 
     @abstractmethod
     def dissipated_energy(self) -> NDArray[np.float64]:
@@ -117,7 +117,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
 
     @abstractmethod
     def tangent(self, state: State) -> csr_array:
-        """Minus the derivative (2 n, 2 n), N/m^4, of the force densities by the values; see `Operator`."""
+        """Minus the derivative (n d, n d), N/m^4, of the force densities by the values; see `Operator`."""
 
     @abstractmethod
     def bonds(
@@ -142,7 +142,7 @@ class TwoLatticeOperator(ABC, Generic[N]):
         return state
 
     def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
-        """Add force densities (n, 2), N/m^3, to `out`; bonds over their limit break; see `Operator`."""
+        """Add force densities (n, d), N/m^3, to `out`; bonds over their limit break; see `Operator`."""
         before = self.dissipated_energy()
         self.set_node_motion(state)
         self.engine.sum_forces_and_break_bonds(step, dt)
@@ -206,5 +206,5 @@ class TwoLatticeStepper(Stepper):
         return end_step - 1
 
     def on_operator(self, operator: Operator) -> Stepper:
-        """The stepper of the same plate with other current nodes."""
+        """The stepper of the same plate or body with other current nodes."""
         return TwoLatticeStepper(cast("TwoLatticeOperator[Any]", operator))

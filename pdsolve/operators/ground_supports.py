@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Pin, Spring
+from pdsolve.conditions import Areas, Entries, chosen, driving_conditions, entries
 from pdsolve.model import Model
 from pdsolve.operators.protocol import CheckpointArrays, Operator
 from pdsolve.operators.together import Together
@@ -53,7 +54,7 @@ class GroundSupports(UnbreakableOperator):
         for condition in model.settings.conditions:
             if isinstance(condition, Spring):
                 rows = model.selected(condition)
-                self._k[rows] += _resistance(condition, model, volume, rows)
+                self._k[rows] += resistance_of_spring(condition, model, volume, rows)
             elif isinstance(condition, Pin):
                 ring_rows = model.selected(condition)
                 E = np.array([material.E for material in model.materials])[model.material_of[ring_rows]]
@@ -153,7 +154,20 @@ def grounded(model: Model, width: int) -> NDArray[np.bool_]:
     return is_supported
 
 
-def _resistance(spring: Spring, model: Model, volume: Array, rows: NDArray[np.int64]) -> Array:
+def springs_of_components(model: Model, volume: Areas) -> Entries:
+    """The spring supports of components of nodes, N/m^4, each with the number of its condition among those that act
+    throughout a run."""
+    springs = [entries(np.zeros(0, dtype=np.int64), 0, 0.0, 0)]
+    for number, (_, condition) in enumerate(driving_conditions(model)):
+        if isinstance(condition, Spring):
+            rows = model.selected(condition)
+            for axis, stiffness in enumerate(resistance_of_spring(condition, model, volume, rows).T):
+                springs.append(entries(rows, axis, stiffness, number))
+    every = Entries(*(np.concatenate(column) for column in zip(*springs, strict=True)))
+    return chosen(every, every.value > 0)
+
+
+def resistance_of_spring(spring: Spring, model: Model, volume: Areas, rows: NDArray[np.int64]) -> Array:
     """Stiffness (k, d), N/m^4, of a spring support at its nodes."""
     if spring.body_stiffness is not None:
         return np.tile(np.array(spring.body_stiffness), (len(rows), 1))

@@ -8,6 +8,8 @@ from typing import cast
 import msgspec
 import numpy as np
 
+from pdsolve.adaptivity.hybrid.operator import HybridOperator
+from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.bonds.assembly import Scheme
 from pdsolve.conditions import constrained_components, initial_displacement
 from pdsolve.model import Model, on_device
@@ -56,7 +58,16 @@ def apply_initial_displacements(prepared: PreparedRun) -> PreparedRun:
     What is prescribed at time 0 holds then. Bonds that are stretched too far break in step 0.
     """
     system, state = prepared
-    model, operator = system.model, system.operator
+    model, operator, zone = system.model, system.operator, system.moving_zone_operator
+    if zone is not None:  # conditions are those of all nodes of the grid
+        zone = cast("HybridOperator | HybridBodyOperator", zone)
+        every = initial_displacement(system.requested_model, system.drive, state.value.shape[1])
+        state.value[:] = every[zone.grid_rows]
+        zone.set_node_motion(state)
+        zone.engine.compute_initial_forces()
+        zone.copy_to_state(state)
+        strain = float(np.sum(system.area * zone.energies(state)[0]))
+        return PreparedRun(dataclasses.replace(system, initial_energy=system.initial_energy + strain), state)
     state.value[:] = initial_displacement(model, system.drive, state.value.shape[1])
     on_processor = state
     if model.settings.run.device != "cpu":

@@ -199,7 +199,7 @@ class PreparedRun(NamedTuple):
 
 
 def system_with_moved_zone(system: System, zone_operator: MovingZoneOperator) -> System:
-    """The system of changed nodes of the same plate."""
+    """The system of changed nodes of the same plate or body."""
     count, family = zone_operator.initial_bond_counts_and_family_sizes
     return replace(
         system,

@@ -7,10 +7,10 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Displacement, InitialVelocity, Velocity
+from pdmesh.model.document import Acceleration, Displacement, InitialDisplacement, InitialVelocity, Velocity
 from pdmesh.model.selection import components
 from pdmesh.model.values_of_place import is_of_place
-from pdsolve.conditions import conditions_of, has_conditions, initial_velocity
+from pdsolve.conditions import conditions_of, has_conditions, initial_displacement, initial_velocity
 from pdsolve.model import Model
 from pdsolve.zone.cells import LatticeNumbering, lattice_coordinates, place_number_at
 
@@ -28,8 +28,10 @@ def nodes_kept_fine_by_prescribed_motion(
     """
     dimension, lookups = len(numbering.counts), (numbering, places_of_grid_rows, grid_rows_at)
     unfit_rows, count = [np.zeros(0, dtype=np.int64)], len(model.grid)
-    prescribed: list[tuple[int, Displacement | Velocity]] = [*conditions_of(model.settings, Displacement)]
+    prescribed: list[tuple[int, Displacement | Velocity | Acceleration]] = []
+    prescribed += conditions_of(model.settings, Displacement)
     prescribed += conditions_of(model.settings, Velocity)
+    prescribed += conditions_of(model.settings, Acceleration)
     for _, condition in prescribed:
         rows, is_held = model.selected(condition), np.zeros((count, 1))
         is_held[rows] = 1.0
@@ -41,6 +43,9 @@ def nodes_kept_fine_by_prescribed_motion(
             unfit_rows.append(_rows_of_nonlinear_values(values, rows, *lookups))
     if has_conditions(model.settings, InitialVelocity):
         unfit_rows.append(_rows_of_nonlinear_values(initial_velocity(model), np.arange(count), *lookups))
+    if has_conditions(model.settings, InitialDisplacement):
+        start = initial_displacement(model, None, dimension)
+        unfit_rows.append(_rows_of_nonlinear_values(start, np.arange(count), *lookups))
     return np.column_stack(lattice_coordinates(numbering, places_of_grid_rows(np.unique(np.concatenate(unfit_rows)))))
 
 

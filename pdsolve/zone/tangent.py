@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, eye_array, kron
+from scipy.sparse import coo_array, csr_array, eye_array, kron
 
 from pdsolve.operators.tangent import of_green_springs, of_springs
 
@@ -40,3 +40,11 @@ def tangent_of_springs(
         matrix += of(each.source, each.target, each.xi, each.stiffness, u)
     points = kron(point_weights, eye_array(axes)).tocsr()
     return (points.T @ matrix @ points).tocsr()
+
+
+def tangent_of_ground_springs(
+    row: NDArray[np.integer], axis: NDArray[np.integer], stiffness: NDArray[np.float64], shape: tuple[int, ...]
+) -> csr_array:
+    """The same of springs (b,), N/m^4 or N/m, from components of nodes to the ground; displacements have `shape`."""
+    at, size = shape[1] * row.astype(np.int64) + axis, shape[0] * shape[1]
+    return coo_array((stiffness, (at, at)), shape=(size, size)).tocsr()

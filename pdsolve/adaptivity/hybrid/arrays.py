@@ -129,14 +129,19 @@ class BorderNode(Record):
     swelling_y: float
 
 
+NEWLY, LONG = 1, 2
+
+
 class LoadOrPrescribedMotion(Record):
-    """A load on a component of a fine node, or a component whose motion is prescribed."""
+    """A load on a component of a fine node, a spring from it to the ground, or a component whose motion is
+    prescribed."""
 
     fine_place: int  # fine
     axis: int  # of the component
     profile: int  # of its factor over time
-    prescribed_kind: int  # of holds: DISPLACEMENT or VELOCITY
-    value: float  # N/m, m or m/s at factor 1
+    prescribed_kind: int  # of holds: DISPLACEMENT, VELOCITY or ACCELERATION
+    node_moves: int  # of holds: by itself since before the last step (`LONG`), or since then (`NEWLY`), or not (0)
+    value: float  # N/m, m, m/s or m/s^2 at factor 1; of a spring its stiffness, N/m^2
     mean_speed_since_last_step: float  # of holds: mean velocity since the last step, m/s
     speed_at_last_step: float  # of holds: velocity at the last step, m/s
     force_on_prescribed_component: float  # of holds: on the component at the last step, N/m
@@ -151,7 +156,7 @@ PRESCRIBED_COLUMNS = (
 
 
 class LoadsOrPrescribedMotions(NamedTuple):
-    """Loads, or held components: entries of all fine nodes, and of the nodes that move."""
+    """Loads, springs to the ground or held components: entries of all fine nodes, and of the nodes that move."""
 
     entries: NDArray[LoadOrPrescribedMotion]  # (e,)
     node_and_entry: NDArray[np.int64]  # (., 2) fine place, or -1 - coarse place; and entry
@@ -191,6 +196,7 @@ class ZoneCounts(Record):
     active_coarsest_rows: int  # of 16 places, in `far.active_rows`
     tied_nodes: int  # coarse nodes on the border of far cells
     affected_coarsest_nodes: int  # nodes 4 h apart, in `affected_coarsest_nodes` of the zone
+    node_supports: int  # shares of nodes that move, in `supports.node_and_entry`
 
 
 STORED = 10
@@ -224,6 +230,7 @@ class PlateZone(NamedTuple):
     damaged_nodes: NDArray[np.int64]  # (n,) those, in order
     loads: LoadsOrPrescribedMotions
     holds: LoadsOrPrescribedMotions
+    supports: LoadsOrPrescribedMotions  # springs to the ground
     is_node_marked: NDArray[np.bool_]  # (n,) scratch, False
     new_cells: NDArray[np.int64]  # scratch: cells that are to be fine
     affected_fine_nodes: NDArray[np.int64]  # scratch: fine nodes that change with new cells
@@ -328,6 +335,7 @@ def create_plate_zone(
         damaged_nodes=allocate_zeros(numbering.fine.place_count, dtype=np.int64),
         loads=nothing,
         holds=nothing,
+        supports=nothing,
         is_node_marked=allocate_zeros(numbering.fine.place_count, dtype=np.bool_),
         new_cells=allocate_zeros(numbering.cells.place_count, dtype=np.int64),
         affected_fine_nodes=allocate_zeros(numbering.fine.place_count, dtype=np.int64),

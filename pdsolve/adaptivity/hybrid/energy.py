@@ -159,6 +159,17 @@ def strain_and_kinetic_energy(lattice, zone, displacement_buffer_index, fine_nod
     return energy
 
 
+@njit(**INNER)
+def energy_of_supports(zone, displacement_buffer_index):  # type: ignore[no-untyped-def]
+    """Energy of the springs to the ground, J/m."""
+    energy, u, coarse_u = 0.0, zone.fine.u[displacement_buffer_index], zone.coarse.u[displacement_buffer_index]
+    for n in range(zone.counts.node_supports):
+        on, entry = zone.supports.node_and_entry[n, 0], zone.supports.entries[zone.supports.node_and_entry[n, 1]]
+        displacement = u[entry.axis, on] if on >= 0 else coarse_u[entry.axis, -1 - on]
+        energy += zone.supports.node_share[n] * entry.value * displacement**2 / 2
+    return energy
+
+
 @cached_njit(error_model="numpy")
 def store_strain_energies_of_lattices(lattice, zone, displacement_buffer_index, fine_energy, coarse_energy, far_energy):  # type: ignore[no-untyped-def]
     """Strain energies, J/m, of fine, coarse and far nodes, by their places; half of a piece's belongs to either end."""

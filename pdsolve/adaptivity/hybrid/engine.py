@@ -10,7 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid import arrays
-from pdsolve.adaptivity.hybrid.arrays import PRESCRIBED_COLUMNS, STORED, LatticeConstants, LatticeNodes, PlateZone
+from pdsolve.adaptivity.hybrid.arrays import (
+    PRESCRIBED_COLUMNS,
+    STORED,
+    LatticeConstants,
+    LatticeNodes,
+    LoadOrPrescribedMotion,
+    PlateZone,
+)
 from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_from_double_green_strain
 from pdsolve.adaptivity.hybrid.coarse_cells import HybridPlate, count_node_squares_in_cells
 from pdsolve.adaptivity.hybrid.energy import store_strain_energies_of_lattices
@@ -23,7 +30,7 @@ from pdsolve.adaptivity.hybrid.swelling import (
 )
 from pdsolve.checkpoint_validation import entry, like, pulls_to_arrays, read_pulls
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.conditions import Drive
+from pdsolve.conditions import ACCELERATION, Drive
 from pdsolve.errors import CheckpointError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
 from pdsolve.operators.protocol import CheckpointArrays
@@ -40,6 +47,23 @@ class NegativeHalfSwelling(NamedTuple):
 
     fine: NDArray[np.float64]
     coarse: NDArray[np.float64]
+
+
+class PrescribedComponents(NamedTuple):
+    """Held components of nodes that move now."""
+
+    entries: NDArray[LoadOrPrescribedMotion]  # (k,)
+    acceleration: NDArray[np.float64]  # (k,) m/s^2; 0 unless it is prescribed
+    mass: NDArray[np.float64]  # (k,) kg/m, of the nodes
+
+
+class SupportedComponents(NamedTuple):
+    """Components of nodes that move now which springs hold to the ground."""
+
+    place: NDArray[np.int64]  # (k,) fine place, or -1 - coarse place
+    entries: NDArray[LoadOrPrescribedMotion]  # (k,)
+    stiffness: NDArray[np.float64]  # (k,) N/m^2
+    displacement: NDArray[np.float64]  # (k,) m
 
 
 class HybridEngine:
@@ -217,6 +241,26 @@ class HybridEngine:
         """Bonds broken so far."""
         return arrays.BreakEvents._make(column[: self.zone.counts.broken_bonds] for column in self.zone.break_events)
 
+    def prescribed_components(self) -> PrescribedComponents:
+        """The held components of nodes that move."""
+        zone, dt = self.zone, self.time_step
+        place, number = zone.holds.node_and_entry[: zone.counts.prescribed_components].T
+        entries, is_fine = zone.holds.entries[number], place >= 0
+        kick = entries["speed_at_last_step"] - entries["mean_speed_since_last_step"]
+        acceleration = np.where(entries["prescribed_kind"] == ACCELERATION, 2 / dt * kick, 0.0)
+        mass = np.where(is_fine, zone.fine.mass[place.clip(0)], zone.coarse.mass[(-1 - place).clip(0)])
+        return PrescribedComponents(entries, acceleration, mass)
+
+    def replace_forces_on_prescribed_components(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Set the forces (k,), N/m, on the held components of nodes that move; returns those before."""
+        zone = self.zone
+        place, number = zone.holds.node_and_entry[: zone.counts.prescribed_components].T
+        axis, is_fine, before = zone.holds.entries["axis"][number], place >= 0, np.zeros(len(place))
+        for nodes, which, at in ((zone.fine, is_fine, place), (zone.coarse, ~is_fine, -1 - place)):
+            before[which] = nodes.f[axis[which], at[which]]
+            nodes.f[axis[which], at[which]] = force[which]
+        return before
+
     def places_of_damaged_nodes(self) -> NDArray[np.int64]:
         """Fine places (k,) at which a bond has broken or softened, in order."""
         return np.unique(
@@ -252,7 +296,21 @@ class HybridEngine:
             for places in (numbering.fine.place_count, numbering.coarse.place_count, numbering.far.place_count)
         )
         store_strain_energies_of_lattices(self.lattice, self.zone, self.displacement_buffer_index, fine, coarse, far)
+        place, _, stiffness, u = self.supported_components()
+        energy, is_fine = stiffness * u**2 / 2, place >= 0
+        np.add.at(fine, place[is_fine], energy[is_fine])
+        np.add.at(coarse, -1 - place[~is_fine], energy[~is_fine])
         return fine, coarse, far
+
+    def supported_components(self) -> SupportedComponents:
+        """The components of nodes that move which springs hold to the ground."""
+        zone, now = self.zone, self.displacement_buffer_index
+        count = zone.counts.node_supports
+        place, number = zone.supports.node_and_entry[:count].T
+        entries, fine_u, coarse_u = zone.supports.entries[number], zone.fine.u[now], zone.coarse.u[now]
+        axis, stiffness = entries["axis"], zone.supports.node_share[:count] * entries["value"]
+        u = np.where(place >= 0, fine_u[axis, place.clip(0)], coarse_u[axis, (-1 - place).clip(0)])
+        return SupportedComponents(place, entries, stiffness, u.astype(np.float64))
 
     def kinetic_energy_and_momentum(self) -> NDArray[np.float64]:
         """Kinetic energy, J/m, and momentum, N s/m."""

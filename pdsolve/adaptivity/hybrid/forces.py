@@ -313,6 +313,16 @@ def _add_loads(count, loads, fine, coarse, totals, profiles, time, dt):  # type:
 
 
 @njit(**INNER)
+def _add_support_forces(count, supports, fine, coarse, displacement_buffer_index):  # type: ignore[no-untyped-def]
+    """Add the forces of springs to the ground."""
+    for n in range(count):
+        on, entry = supports.node_and_entry[n, 0], supports.entries[supports.node_and_entry[n, 1]]
+        nodes, p = (fine, on) if on >= 0 else (coarse, -1 - on)
+        stiffness = supports.node_share[n] * entry.value
+        nodes.f[entry.axis, p] -= stiffness * nodes.u[displacement_buffer_index, entry.axis, p]
+
+
+@njit(**INNER)
 def _start_forces_with_loads_and_bond_pieces(lattice, zone, profiles, displacement_buffer_index, step):  # type: ignore[no-untyped-def]
     """Initialize the forces with those of loads and of clipped bonds."""
     fine, coarse, dt = zone.fine, zone.coarse, lattice.dt
@@ -322,6 +332,7 @@ def _start_forces_with_loads_and_bond_pieces(lattice, zone, profiles, displaceme
     _add_loads(
         zone.counts.node_loads, zone.loads, fine, coarse, zone.totals, profiles, step * dt, dt if step > 0 else 0.0
     )
+    _add_support_forces(zone.counts.node_supports, zone.supports, fine, coarse, displacement_buffer_index)
     interpolate_border_nodes(
         fine.u[displacement_buffer_index],
         coarse.u[displacement_buffer_index],

@@ -1,16 +1,18 @@
 """Motion outside the fused sweep: half kicks at both ends of a sequence of steps, and prescribed velocities.
 
-A hold prescribes the velocity until the next step. The sweep has moved its node as if free; the hold undoes that.
+A hold prescribes the velocity until the next step, or what changes it. The sweep has moved its node as if free; the
+hold undoes that.
 """
 
 from __future__ import annotations
 
 from numba import njit
 
+from pdsolve.adaptivity.hybrid.arrays import LONG, NEWLY
 from pdsolve.adaptivity.hybrid.damping import record_damped_energy
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.conditions import DISPLACEMENT, VELOCITY, factor_at
+from pdsolve.conditions import ACCELERATION, DISPLACEMENT, VELOCITY, factor_at
 
 
 @njit(**INNER)
@@ -54,12 +56,15 @@ def _nodes_and_place(fine, coarse, fine_or_coarse_place):  # type: ignore[no-unt
 
 
 @njit(**INNER)
-def store_constraint_forces(fine, coarse, holds, count):  # type: ignore[no-untyped-def]
-    """Store forces and velocities of held components."""
+def store_constraint_forces(fine, coarse, holds, count, profiles, dt):  # type: ignore[no-untyped-def]
+    """Store forces and velocities of held components at the start, as if steps of `dt`, s, had gone before."""
     for n in range(count):
         nodes, p = _nodes_and_place(fine, coarse, holds.node_and_entry[n, 0])
         entry = holds.entries[holds.node_and_entry[n, 1]]
         entry.force_on_prescribed_component, entry.speed_at_last_step = nodes.f[entry.axis, p], nodes.v[entry.axis, p]
+        if entry.prescribed_kind == ACCELERATION:
+            half_kick = dt / 2 * entry.value * factor_at(profiles, entry.profile, 0.0)
+            entry.mean_speed_since_last_step = entry.speed_at_last_step - half_kick
 
 
 @njit(**INNER)
@@ -69,6 +74,17 @@ def restore_prescribed_velocities(fine, coarse, holds, count):  # type: ignore[n
         nodes, p = _nodes_and_place(fine, coarse, holds.node_and_entry[n, 0])
         entry = holds.entries[holds.node_and_entry[n, 1]]
         nodes.v[entry.axis, p] = entry.speed_at_last_step
+
+
+@njit(**INNER)
+def _speed_one_step_ago(entry, profiles, time, dt):  # type: ignore[no-untyped-def]
+    """The velocity, one step before `time`, of a held component whose node has moved by itself since then alone."""
+    before = entry.value * factor_at(profiles, entry.profile, time - dt)
+    if entry.prescribed_kind == VELOCITY:
+        return before
+    if entry.prescribed_kind == ACCELERATION:
+        return entry.mean_speed_since_last_step - dt / 2 * before
+    return (before - entry.value * factor_at(profiles, entry.profile, time - 2 * dt)) / dt
 
 
 @njit(**INNER)
@@ -82,16 +98,24 @@ def apply_prescribed_motions(  # type: ignore[no-untyped-def]
         entry = holds.entries[holds.node_and_entry[n, 1]]
         axis, profile, speed = entry.axis, entry.profile, entry.mean_speed_since_last_step
         u, force = nodes.u, nodes.f[axis, p]
+        half_kick = dt / 2 * entry.value * factor_at(profiles, profile, time)  # where that is an acceleration
         if entry.prescribed_kind == VELOCITY:
             speed = entry.value * factor_at(profiles, profile, time)
+        elif entry.prescribed_kind == ACCELERATION:
+            speed += half_kick
         if not begins_sequence:
+            if entry.node_moves == NEWLY:
+                entry.speed_at_last_step = _speed_one_step_ago(entry, profiles, time, dt)
             totals.work -= (entry.force_on_prescribed_component + force) / 2 * dt * entry.mean_speed_since_last_step
             totals.work += nodes.mass[p] / 2 * (speed**2 - entry.speed_at_last_step**2)
             entry.force_on_prescribed_component, entry.speed_at_last_step = force, speed
+        entry.node_moves = LONG
         if ends_sequence:
             continue
         if entry.prescribed_kind == DISPLACEMENT:
             speed = (entry.value * factor_at(profiles, profile, time + dt) - u[displacement_buffer_index, axis, p]) / dt
+        elif entry.prescribed_kind == ACCELERATION:
+            speed = entry.speed_at_last_step + half_kick
         else:
             speed = entry.value * factor_at(profiles, profile, time + dt / 2)
         nodes.v[axis, p] = entry.mean_speed_since_last_step = speed

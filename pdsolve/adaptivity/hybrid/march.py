@@ -183,7 +183,7 @@ def _drift_and_apply_prescribed_motions(  # type: ignore[no-untyped-def]
     """Begin a sequence by a drift and hold until the next step; at the start, only store the holding forces."""
     fine, coarse, holds, count = zone.fine, zone.coarse, zone.holds, zone.counts.prescribed_components
     if begins_sequence and ends_sequence:
-        store_constraint_forces(fine, coarse, holds, count)
+        store_constraint_forces(fine, coarse, holds, count, profiles, lattice.dt)
     else:
         if begins_sequence:
             half_kick_and_drift_all_lattices(lattice, zone, displacement_buffer_index, begins_sequence)

@@ -267,9 +267,10 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         swelling = np.column_stack([border["swelling_x"], border["swelling_y"]])
         state.value[self._rows_at_places(border["border_node"])] += swelling
         self._gather_values(zone.fine.v, zone.coarse.v, zone.far.v, state.rate)
+        _, acceleration, mass = self.engine.prescribed_components()
+        force = self.engine.replace_forces_on_prescribed_components(mass * acceleration)
         self._gather_accelerations(state.second)
-        holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.prescribed_components, 1]]
-        state.second[self._rows_at_places(holds["fine_place"]), holds["axis"]] = 0.0
+        self.engine.replace_forces_on_prescribed_components(force)
         spenders = self.engine.places_of_damaged_nodes()
         rows = np.minimum(self._rows_at_places(spenders), len(self.places) - 1)
         rows = rows[self.places[rows] == spenders]
@@ -298,6 +299,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
             assemble_tangent,
             create_point_interpolation_weights,
         )
+        from pdsolve.zone.tangent import tangent_of_ground_springs
 
         zone, light = self.engine.zone, np.zeros(len(self.places))
         light[self._fine_rows] = zone.fine.inverse_mass[self._fine]  # 0 of those on the border
@@ -308,7 +310,11 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         row_of[self.places] = np.arange(len(self.places))
         points = create_point_interpolation_weights(self.engine, row_of, self._fine, coarse, far)
         del row_of  # of all fine places, beside the tangent
-        return assemble_tangent(self.engine, points, state.value, self.current_nodes_model.rho, light)
+        place, springs, stiffness, _ = self.engine.supported_components()
+        beneath = self.engine.fine_places_of_coarse((-1 - place).clip(0))
+        row = self._rows_at_places(np.where(place >= 0, place, beneath))
+        supports = tangent_of_ground_springs(row, springs["axis"], stiffness, state.value.shape)
+        return assemble_tangent(self.engine, points, state.value, self.current_nodes_model.rho, light, supports)
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Strain energy densities (n,), J/m^3, and zeros for softening, which is part of the state."""
@@ -345,10 +351,12 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         return forces
 
     def constraint_force_by_profile(self, profile_count: int) -> NDArray[np.float64]:
-        """Forces (profiles, 2), N/m, that hold the nodes with prescribed motion."""
-        zone, forces = self.engine.zone, np.zeros((profile_count, 2))
-        holds = zone.holds.entries[zone.holds.node_and_entry[: zone.counts.prescribed_components, 1]]
-        np.add.at(forces, (holds["profile"], holds["axis"]), -holds["force_on_prescribed_component"])
+        """Forces (profiles, 2), N/m, that hold the nodes with prescribed motion, and of springs to the ground."""
+        forces, (holds, acceleration, mass) = np.zeros((profile_count, 2)), self.engine.prescribed_components()
+        force = mass * acceleration - holds["force_on_prescribed_component"]
+        np.add.at(forces, (holds["profile"], holds["axis"]), force)
+        _, springs, stiffness, displacement = self.engine.supported_components()
+        np.add.at(forces, (springs["profile"], springs["axis"]), -stiffness * displacement)
         return forces
 
     def bonds(

@@ -29,6 +29,7 @@ from pdsolve.laws.pair import no_bonds
 from pdsolve.laws.pair_laws import bilinear
 from pdsolve.model import Model
 from pdsolve.numerics.memory import aligned, give_back
+from pdsolve.operators.ground_supports import springs_of_components
 from pdsolve.zone.bond_parts import divide_bonds_at_cell_borders
 from pdsolve.zone.cells import AROUND, FINE
 from pdsolve.zone.springs import (
@@ -54,25 +55,29 @@ def create_hybrid_operator_and_stable_step(
     springs = create_springs_of_materials(model.materials, model.settings.horizon.ratio, plate.spacing)
     irregular_bonds = compute_irregular_bonds(plate, springs)
     give_back()
-    bound = float(np.sqrt(2 / max(_stiffness_over_density(plate, springs, irregular_bonds))))
+    area = CellAreas(plate)
+    ground_springs = springs_of_components(model, area)
+    support = (ground_springs.value / model.rho[ground_springs.node]).max(initial=0.0) / 2
+    bound = float(np.sqrt(2 / (max(_stiffness_over_density(plate, springs, irregular_bonds)) + support)))
     kind = np.dtype(precision).type
     lattice = create_lattice_constants(plate, springs, irregular_bonds, choose_time_step(model, bound), kind)
     record_precrack_cuts(lattice)
     cut = np.append(irregular_bonds.family_size - np.count_nonzero(irregular_bonds.stiffness, axis=1), 0)
     cells = initial_cell_kinds(plate, lattice.family_reach, steep_content_rows=steep)
-    area = CellAreas(plate)
     plate_drive = drive(model, area, True, np.float64)
     rows = ROOM + 6 * int(np.count_nonzero(cells == FINE))
     damps = lattice.node_constants.damping is not None
-    loads, holds = (
+    loads, holds, supports = (
         _create_loads_or_prescribed_motions(plate, plate_drive.loads, 4),
         _create_loads_or_prescribed_motions(plate, plate_drive.holds, 1),
+        _create_loads_or_prescribed_motions(plate, ground_springs, 4),
     )
+    supports.entries["value"] *= area[ground_springs.node]
     loads.entries["value"] *= area[plate_drive.loads.node]
     loads = loads._replace(entries=loads.entries[loads.entries["value"] != 0])
     if not swells and kind is np.float64:
         cells = coarsen_cells_away_from_cracks_edges_and_loads(
-            plate, lattice, cells, np.concatenate([loads.entries["fine_place"], holds.entries["fine_place"]])
+            plate, lattice, cells, np.concatenate([each.entries["fine_place"] for each in (loads, holds, supports)])
         )
     zone = create_plate_zone(
         plate.numbering,
@@ -84,7 +89,7 @@ def create_hybrid_operator_and_stable_step(
         swells,
         damps,
         dtype=kind,
-    )._replace(loads=loads, holds=holds)
+    )._replace(loads=loads, holds=holds, supports=supports)
     hybrid = HybridEngine(plate, lattice, zone, plate_drive)
     begins_sequence = has_conditions(model.settings, InitialVelocity, Velocity)
     hybrid.initialize_motion_and_forces(initial_velocity(model) if begins_sequence else None)

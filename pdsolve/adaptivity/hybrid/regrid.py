@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from numba import njit
 
+from pdsolve.adaptivity.hybrid.arrays import NEWLY
 from pdsolve.adaptivity.hybrid.clipped_bonds import replace_bond_pieces_of_nodes, set_bond_stiffnesses_of_row
 from pdsolve.adaptivity.hybrid.damping import remove_damping_of_component, set_damping_of_node
-from pdsolve.adaptivity.hybrid.energy import strain_and_kinetic_energy
+from pdsolve.adaptivity.hybrid.energy import energy_of_supports, strain_and_kinetic_energy
 from pdsolve.adaptivity.hybrid.far_cells import set_all_coarsest_node_properties
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes
 from pdsolve.adaptivity.hybrid.node_constants import node_constant_at_place
@@ -118,6 +119,7 @@ def refine_cells(lattice, zone, displacement_buffer_index):  # type: ignore[no-u
         zone.is_node_marked[p] = True
     for c in new:
         zone.cell_kinds[c] = COARSE
+    of_supports = energy_of_supports(zone, displacement_buffer_index)
     before = strain_and_kinetic_energy(lattice, zone, displacement_buffer_index, affected_fine, affected_coarse)
     _interpolate_and_refine(lattice, zone, new, affected_fine, displacement_buffer_index)
     set_affected_node_properties(lattice, zone, affected_fine, affected_coarse, displacement_buffer_index)
@@ -133,6 +135,7 @@ def refine_cells(lattice, zone, displacement_buffer_index):  # type: ignore[no-u
     for p in affected_fine:
         zone.is_node_marked[p] = False
     rebuild_node_lists(lattice, zone)
+    zone.totals.refinement_energy += energy_of_supports(zone, displacement_buffer_index) - of_supports
 
 
 @njit(**INNER)
@@ -236,12 +239,13 @@ def rebuild_node_lists(lattice, zone):  # type: ignore[no-untyped-def]
                 coarse.has_extra_forces[end.first_node // ROW] = True
                 coarse.has_extra_forces[end.second_node // ROW] = True
     zone.counts.node_loads = _distribute_loads(lattice.numbering, zone.cell_kinds, fine, coarse, zone.loads)
+    zone.counts.node_supports = _distribute_loads(lattice.numbering, zone.cell_kinds, fine, coarse, zone.supports)
     zone.counts.prescribed_components = _list_prescribed_nodes(lattice.numbering, fine, coarse, zone.holds)
 
 
 @njit(**INNER)
 def _distribute_loads(numbering, cells, fine, coarse, loads):  # type: ignore[no-untyped-def]
-    """Distribute loads to moving nodes: those of idle and border nodes go to the coarse nodes around them."""
+    """Distribute loads, or springs to the ground, to moving nodes: those of others go to the coarse nodes around."""
     count = 0
     for n in range(len(loads.entries)):
         p = loads.entries[n].fine_place
@@ -266,15 +270,22 @@ def _distribute_loads(numbering, cells, fine, coarse, loads):  # type: ignore[no
 
 @njit(**INNER)
 def _list_prescribed_nodes(numbering, fine, coarse, holds):  # type: ignore[no-untyped-def]
-    """List the moving nodes that are held."""
+    """List the moving nodes that are held.
+
+    A fine node that did not move by itself has the velocity of the coarse ones around it since the last step.
+    """
     count = 0
     for n in range(len(holds.entries)):
-        p = holds.entries[n].fine_place
+        entry, moved = holds.entries[n], holds.entries[n].node_moves
+        p, entry.node_moves = entry.fine_place, 0
         ix, iy = lattice_coordinates(numbering.fine, p)
         if fine.node_kinds[p] == FREE:
             holds.node_and_entry[count, 0], holds.node_and_entry[count, 1] = p, n
             fine.has_extra_forces[p // ROW] = True
-            remove_damping_of_component(fine, p, holds.entries[n].axis)
+            remove_damping_of_component(fine, p, entry.axis)
+            if moved == 0:
+                entry.mean_speed_since_last_step, entry.force_on_prescribed_component = fine.v[entry.axis, p], 0.0
+            entry.node_moves = max(moved, NEWLY)
             count += 1
         elif (
             ix % 2 == 0
@@ -284,6 +295,7 @@ def _list_prescribed_nodes(numbering, fine, coarse, holds):  # type: ignore[no-u
             q = place_number_at(numbering.coarse, (ix // 2, iy // 2))
             holds.node_and_entry[count, 0], holds.node_and_entry[count, 1] = -1 - q, n
             coarse.has_extra_forces[q // ROW] = True
-            remove_damping_of_component(coarse, q, holds.entries[n].axis)
+            remove_damping_of_component(coarse, q, entry.axis)
+            entry.node_moves = max(moved, NEWLY)
             count += 1
     return count

@@ -93,16 +93,17 @@ def assemble_tangent(
     value: NDArray[np.float64],
     rho: NDArray[np.float64],
     inverse_mass: NDArray[np.float64],
+    of_supports: csr_array,
 ) -> csr_array:
     """Minus the derivative (2 n, 2 n), N/m^4, of the force densities (n, 2) at `value`.
 
     Nodes have densities `rho` (n,) and 1 / mass `inverse_mass` (n,), m/kg, which is 0 for tied nodes. Softened bonds
-    enter with their secant stiffness.
+    enter with their secant stiffness. `of_supports` (2 n, 2 n), N/m^2, is that of the springs to the ground.
     """
     tied = kron(points.node_weights, eye_array(2)).tocsr()
     density, lightness = (diags_array(np.repeat(field, 2)) for field in (rho, inverse_mass))
     force_tangent = tangent_of_springs(points.point_weights, value, _springs_of_lattices_and_pieces(hybrid, points))
-    return (density @ tied @ lightness @ force_tangent).tocsr()
+    return (density @ tied @ lightness @ (force_tangent + of_supports)).tocsr()
 
 
 def _springs_of_lattices_and_pieces(

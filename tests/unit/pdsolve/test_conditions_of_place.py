@@ -174,7 +174,7 @@ def test_a_displaced_run_begins_with_its_forces_and_with_what_is_prescribed() ->
 
 
 @pytest.mark.parametrize(
-    ("run", "why"), [({"solver": "static"}, "static"), ({"start": "static"}, "start"), ({"adapt": "hybrid"}, "adapt")]
+    ("run", "why"), [({"solver": "static"}, "static"), ({"start": "static"}, "start"), ({"adapt": "split"}, "adapt")]
 )
 def test_initial_displacements_are_refused_where_runs_begin_otherwise(run: dict[str, str], why: str) -> None:
     conditions = (InitialDisplacement(box=ALL, x=1e-6), Load(box=ALL, body_force=(1.0, 0.0)))

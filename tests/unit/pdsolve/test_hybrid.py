@@ -23,11 +23,11 @@ from pdmesh.drawing.file_reading import build_file, read_scene
 from pdmesh.drawing.parameters import Parameters, run
 from pdmesh.model.contradictions import Case
 from pdmesh.model.document import (
-    Acceleration,
     InitialVelocity,
     Lattice,
     Load,
     Material,
+    Pin,
     Region,
     Run,
     Velocity,
@@ -74,7 +74,7 @@ STATE_BASED = {
     " as run.adapt is hybrid",
 }
 CONSTANT = msgspec.structs.replace(GLASS, micromodulus="constant")
-PUSH = Acceleration(box=(0.0, 0.0, 0.01, 0.01), x=1.0)
+PIN = Pin(box=(0.0, 0.0, 0.01, 0.01))
 
 
 @pytest.mark.parametrize(
@@ -83,7 +83,7 @@ PUSH = Acceleration(box=(0.0, 0.0, 0.01, 0.01), x=1.0)
         (plate(cracked(), 4, run=Run(solver="static")), naming("run.solver", found="static", expected="explicit")),
         (plate(cracked(), 4, run=Run(start="static")), naming("run.start", found="static", expected="unloaded")),
         (plate(off_lattice(), 4), "on no lattice"),
-        (plate(cracked(), 4, conditions=(PUSH,)), r"conditions\[0\].*acceleration"),
+        (plate(cracked(), 4, conditions=(PIN,)), r"conditions\[0\].*pin"),
         (plate(cracked(), 8), naming("ratio", found="8", expected="6")),
         (plate(cracked(), 6, material=CONSTANT), naming("ratio", found="6", expected="5.5")),
         (plate(cracked(), 4, area_rule="square"), naming("area_rule", found="square")),

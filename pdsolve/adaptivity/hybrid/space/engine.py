@@ -15,12 +15,19 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.space import arrangement, coarse_springs, pieces
 from pdsolve.adaptivity.hybrid.space.arrangement import ClippedBondPiece
 from pdsolve.adaptivity.hybrid.space.layout import FullBody, coarse_nodes_at_cell_corners, mask_near_cells
-from pdsolve.adaptivity.hybrid.space.march import BorderNodes, Seam, interpolate_border_displacements, sweep_zone
+from pdsolve.adaptivity.hybrid.space.march import (
+    BorderNodes,
+    GroundSprings,
+    Seam,
+    add_ground_spring_forces,
+    interpolate_border_displacements,
+    sweep_zone,
+)
 from pdsolve.adaptivity.hybrid.space.materials import fine_node_masses
 from pdsolve.adaptivity.hybrid.space.zone import refine_cells_within_radius
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.conditions import Drive, Entries, chosen, drive_of, put_loads
+from pdsolve.conditions import ACCELERATION, Drive, Entries, chosen, drive_of, factors_at, put_loads
 from pdsolve.errors import CheckpointError
 from pdsolve.lattice import tile_bonds
 from pdsolve.lattice.energies import sum_energies
@@ -235,9 +242,13 @@ class BodyEngine:
         fine_touched[(np.append(ends[ends >= 0], border_nodes.place) - margins[0]) // ROW] = True
         coarse_ends = np.append(-1 - ends[ends < 0], border_nodes.coarse_places.ravel())
         coarse_touched[(coarse_ends - margins[1]) // ROW] = True
+        ground, self.ground_springs = self._create_ground_springs()
+        fine_touched[(ground.place[ground.place >= 0] - margins[0]) // ROW] = True
+        coarse_touched[(-1 - ground.place[ground.place < 0] - margins[1]) // ROW] = True
         self.seam = Seam(
             border_nodes,
             springs,
+            ground,
             np.zeros((3, self.fine.tiles.cells.shape[1])),
             np.zeros((3, self.coarse.tiles.cells.shape[1])),
             self._inverse_volumes[0],
@@ -300,17 +311,8 @@ class BodyEngine:
 
     def _create_drive(self) -> Drive:
         """Conditions of the whole body on the current nodes: idle ones pass loads on to coarse nodes."""
-        loads, every = self.drive.loads, self.drive
-        acting = np.flatnonzero(loads.value)
-        node, force = loads.node[acting], loads.value[acting] * self.full_volume[loads.node[acting]]
-        rows, w = self.interpolation_rows_and_weights(node)
-        columns = [np.repeat(column[acting], rows.shape[1]) for column in (loads.profile, loads.axis)]
-        key, shares = np.column_stack([*columns, rows.ravel()]), (w * force[:, None]).ravel()
-        key, shares = key[shares != 0], shares[shares != 0]
-        which, at = np.unique(key, axis=0, return_inverse=True)
-        sums = np.bincount(at.ravel(), shares, minlength=len(which)) if len(which) else np.zeros(0)
-        profile, axis, node = which.T.astype(np.int64)
-        loaded = Entries(node, axis, sums / self.volume[node], profile, np.zeros(len(node), dtype=np.int64))
+        every, loaded = self.drive, self._share_with_current_nodes(self.drive.loads)
+        loaded = loaded._replace(value=loaded.value / self.volume[loaded.node])
         zone_drive = drive_of([], [], [], (2 * self.node_count, 3), self.kind)._replace(
             profiles=every.profiles, loads=loaded, holds=every.holds, varies=every.varies
         )
@@ -318,16 +320,69 @@ class BodyEngine:
         zone_drive.before[loaded.node, loaded.axis] = zone_drive.force[loaded.node, loaded.axis]
         return zone_drive._replace(held_force=self.held_force, held_speed=np.zeros(len(self.held_force)))
 
+    def _share_with_current_nodes(self, entries: Entries) -> Entries:
+        """Entries of fine nodes, per m^3, as those of the nodes that move: idle ones pass theirs on to coarse nodes."""
+        acting = np.flatnonzero(entries.value)
+        node, force = entries.node[acting], entries.value[acting] * self.full_volume[entries.node[acting]]
+        rows, w = self.interpolation_rows_and_weights(node)
+        columns = [np.repeat(column[acting], rows.shape[1]) for column in (entries.profile, entries.axis)]
+        key, shares = np.column_stack([*columns, rows.ravel()]), (w * force[:, None]).ravel()
+        key, shares = key[shares != 0], shares[shares != 0]
+        which, at = np.unique(key, axis=0, return_inverse=True)
+        sums = np.bincount(at.ravel(), shares, minlength=len(which)).astype(float) if len(which) else np.zeros(0)
+        profile, axis, node = which.T.astype(np.int64)
+        return Entries(node, axis, sums, profile, np.zeros(len(node), dtype=np.int64))
+
+    def _create_ground_springs(self) -> tuple[GroundSprings, Entries]:
+        """The springs from the nodes that move to the ground, and the same by rows of the grid, N/m."""
+        every = self.full_body.ground_springs
+        none = np.zeros(0, dtype=np.int64)
+        if every is None or not len(every.node):
+            return GroundSprings(none, none, np.zeros(0)), Entries(none, none, np.zeros(0), none, none)
+        springs, place = self._share_with_current_nodes(every), np.zeros(self.node_count, dtype=np.int64)
+        coarse = len(self.nodes.coarse_places)
+        place[self.nodes.rows[:coarse]], place[self.nodes.rows[coarse:]] = (
+            -1 - self.nodes.coarse_places,
+            self.nodes.fine_places,
+        )
+        return GroundSprings(place[springs.node], springs.axis, springs.value), springs
+
+    def displacements_at_ground_springs(self) -> NDArray[np.float64]:
+        """Displacements (e,) of components at their ends, m."""
+        place, axis = self.seam.ground.place, self.seam.ground.axis
+        fine_u, coarse_u = self.fine_u[axis, place.clip(0)], self.coarse_u[axis, (-1 - place).clip(0)]
+        return np.asarray(np.where(place >= 0, fine_u, coarse_u), dtype=np.float64)
+
+    def ground_spring_force_by_profile(self, profile_count: int) -> NDArray[np.float64]:
+        """Forces (profiles, 3), N, of the springs to the ground."""
+        springs, forces = self.ground_springs, np.zeros((profile_count, 3))
+        pull = -springs.value * self.displacements_at_ground_springs()
+        np.add.at(forces, (springs.profile, springs.axis), pull)
+        return forces
+
     def initialize_motion(self, velocity: NDArray[np.float64]) -> None:
         """Set the velocities (n, 3), m/s, and the accelerations at time 0 of the undeformed body."""
         self.zone_drive = self._create_drive()
-        holds, force = self.drive.holds, self.zone_drive.force
-        self.held_force[:] = force[holds.node, holds.axis]
-        rows = self.nodes.rows
-        self.scatter(velocity[rows].T, self.coarse.v[0], self.fine.v[0])
-        self.state.second[rows] = force[rows] / self.rho[rows, None].astype(self.kind)
-        self.state.second[rows] -= self.damping[rows, None] * velocity[rows]
-        self.state.second[holds.node, holds.axis] = 0.0
+        velocity = velocity[self.nodes.rows]
+        self.scatter(velocity.T, self.coarse.v[0], self.fine.v[0])
+        self._begin_accelerations(np.zeros_like(self.state.second), velocity)
+
+    def compute_initial_forces(self) -> None:
+        """Set the accelerations at time 0 from the displacements there are; bonds over their limit break."""
+        self.sum_forces_and_break_bonds(0, 0.0)
+        self._begin_accelerations(self.bond_accelerations, self.gather(self.coarse.v[0], self.fine.v[0]).T)
+
+    def _begin_accelerations(self, of_bonds: NDArray[np.floating], velocity: NDArray[np.floating]) -> None:
+        """Set the accelerations at time 0 with those that bonds give nodes (2 n, 3), m/s^2, and the velocities (k, 3),
+        m/s, of those that move."""
+        holds, force, rows = self.drive.holds, self.zone_drive.force, self.nodes.rows
+        rho = self.rho[:, None].astype(self.kind)
+        pull = rho[holds.node, 0] * of_bonds[holds.node, holds.axis]
+        self.held_force[:] = force[holds.node, holds.axis] + pull
+        self.state.second[rows] = force[rows] / rho[rows] + of_bonds[rows]
+        self.state.second[rows] -= self.damping[rows, None] * velocity
+        now = holds.value * factors_at(self.drive.profiles, self.time)[holds.profile]
+        self.state.second[holds.node, holds.axis] = np.where(holds.kind == ACCELERATION, now, 0.0)
 
     def gather(self, coarse_values: NDArray[Any], fine_values: NDArray[Any]) -> NDArray[Any]:
         """Values (w, k) of the nodes that move, from those of coarse (w, q) and fine places (w, m)."""
@@ -523,6 +578,7 @@ class BodyEngine:
         sum_some(self.coarse.tiles, self.coarse_u, self.state.second, force, self.state.dissipated, every)
         fine_force, coarse_force = (np.zeros(array.shape) for array in (seam.fine_forces, seam.coarse_forces))
         pieces.add_bond_piece_forces(self.fine_u, self.coarse_u, seam.pieces, fine_force, coarse_force)
+        add_ground_spring_forces(self.fine_u, self.coarse_u, seam.ground, fine_force, coarse_force)
         self._pass_on(density, coarse_force)
         rows = self.nodes.rows
         total = force[rows] + self.gather(coarse_force, fine_force).T
@@ -563,6 +619,8 @@ class BodyEngine:
         self._pass_on(density[:, None], coarse_energy[None])
         rows = self.nodes.rows
         energy[rows] += self.gather(coarse_energy[None], fine_energy[None])[0] + density[rows] * self.volume[rows]
+        grounded = self.ground_springs
+        np.add.at(energy, grounded.node, grounded.value * self.displacements_at_ground_springs() ** 2 / 2)
         return energy, spent[: self.node_count] * self.volume
 
     def zone_summary(self) -> ZoneSummary:

@@ -11,7 +11,7 @@ from pdsolve.adaptivity.hybrid.space import arrangement
 from pdsolve.adaptivity.hybrid.space.arrangement import FineLattice
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.conditions import Drive
+from pdsolve.conditions import Drive, Entries
 from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tiles import Tiles
 from pdsolve.laws.law import Law
@@ -37,6 +37,7 @@ class FullBody(NamedTuple):
     solid_cell_count: int = 1  # cells that are not void
     full_drive: Drive | None = None  # conditions on all fine nodes
     damping_rates: NDArray[np.float64] = np.zeros(0)  # (n,) 1/s, of all fine nodes
+    ground_springs: Entries | None = None  # of all fine nodes, N/m^4
 
 
 def list_bonds_of_sites(

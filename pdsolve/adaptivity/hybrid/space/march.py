@@ -34,11 +34,20 @@ class BorderNodes(NamedTuple):
     volume: NDArray[np.float64]  # (b,) m^3
 
 
+class GroundSprings(NamedTuple):
+    """Springs from components of nodes to the ground."""
+
+    place: NDArray[np.int64]  # (e,) on the fine lattice, or -1 less that on the coarse one
+    axis: NDArray[np.int64]  # (e,)
+    stiffness: NDArray[np.float64]  # (e,) N/m
+
+
 class Seam(NamedTuple):
     """What fine and coarse nodes, at m and q places in tiles, do to each other."""
 
     border: BorderNodes
     pieces: GroupedBondPieceSprings
+    ground: GroundSprings
     # (3, m) forces on fine nodes beside those of tiles, N; on the border force densities of tiles, N/m^3
     fine_forces: NDArray[np.float64]
     coarse_forces: NDArray[np.float64]  # (3, q) likewise on coarse nodes, N
@@ -115,9 +124,21 @@ def _begin_seam_forces(seam, coarse_arrays, u, coarse_u, sweep):  # type: ignore
             if has_forces[t]:
                 forces[:, margin + t * ROW : margin + (t + 1) * ROW] = 0
     largest = add_bond_piece_forces(u, coarse_u, seam.pieces, seam.fine_forces, seam.coarse_forces)
+    add_ground_spring_forces(u, coarse_u, seam.ground, seam.fine_forces, seam.coarse_forces)
     seam.largest_strain[0] = max(seam.largest_strain[0], largest)
     if sweep.step > 0 and largest > seam.strain_limit:
         coarse_arrays.stalled_sweep[0] = sweep.number
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def add_ground_spring_forces(u, coarse_u, springs, forces, coarse_forces):  # type: ignore[no-untyped-def]
+    """Add the forces of springs to the ground, N, to those on fine (3, m) and coarse places (3, q)."""
+    for n in range(len(springs.place)):
+        place, axis = springs.place[n], springs.axis[n]
+        if place >= 0:
+            forces[axis, place] -= springs.stiffness[n] * u[axis, place]
+        else:
+            coarse_forces[axis, -1 - place] -= springs.stiffness[n] * coarse_u[axis, -1 - place]
 
 
 @cached_njit(nogil=True, error_model="numpy")

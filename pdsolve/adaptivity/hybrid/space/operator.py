@@ -20,6 +20,7 @@ from pdsolve.adaptivity.hybrid.space.engine import BodyEngine
 from pdsolve.adaptivity.hybrid.space.layout import list_bonds_of_sites
 from pdsolve.adaptivity.hybrid.space.materials import ModelWithMeanDensities
 from pdsolve.adaptivity.two_lattice_operator import EnergyBalanceTotals, TwoLatticeOperator
+from pdsolve.conditions import ACCELERATION
 from pdsolve.lattice import tile_bonds
 from pdsolve.model import Model
 from pdsolve.state import Broken, State, Unknown
@@ -155,11 +156,14 @@ class HybridBodyOperator(TwoLatticeOperator[BodyEngine]):
         return forces
 
     def constraint_force_by_profile(self, profile_count: int) -> NDArray[np.float64]:
-        """Forces (profiles, 3), N, that hold the nodes with prescribed motion."""
-        engine, holds, forces = self.engine, self.engine.drive.holds, np.zeros((profile_count, 3))
+        """Forces (profiles, 3), N, that hold the nodes with prescribed motion, and of springs to the ground."""
+        engine, holds = self.engine, self.engine.drive.holds
+        forces = engine.ground_spring_force_by_profile(profile_count)
         now = np.logical_or(*engine.is_current(holds.node))
-        force = engine.volume[holds.node[now]] * engine.held_force[now]
-        np.add.at(forces, (holds.profile[now], holds.axis[now]), -force)
+        node, axis = holds.node[now], holds.axis[now]
+        acceleration = np.where(holds.kind[now] == ACCELERATION, engine.state.second[node, axis], 0.0)
+        force = engine.volume[node] * (engine.rho[node] * acceleration - engine.held_force[now])
+        np.add.at(forces, (holds.profile[now], axis), force)
         return forces
 
     def stiffness_bound(self) -> NDArray[np.float64]:
@@ -171,7 +175,7 @@ class HybridBodyOperator(TwoLatticeOperator[BodyEngine]):
         from scipy.sparse import diags_array, eye_array, vstack  # few runs need it, and it takes long to import
 
         from pdsolve.operators.tangent import of_followers
-        from pdsolve.zone.tangent import tangent_of_springs
+        from pdsolve.zone.tangent import tangent_of_ground_springs, tangent_of_springs
 
         nodes, seam = len(self.places), self.engine.seam
         ends, margin = seam.pieces.points, self.engine.full_body.coarse_sites.margin
@@ -181,7 +185,10 @@ class HybridBodyOperator(TwoLatticeOperator[BodyEngine]):
         of_ends = of_followers(np.where(ends.interpolation_nodes >= 0, fine, coarse), ends.interpolation_weights, nodes)
         points = vstack([eye_array(nodes), of_border, of_ends]).tocsr()
         density = diags_array(np.repeat(1 / self.area, 3))
-        return (density @ tangent_of_springs(points, state.value, self._springs_between_points())).tocsr()
+        ground = self.engine.ground_springs
+        row = self._row[self.engine.full_body.fine_sites.site[ground.node] - self.engine.full_body.fine_sites.margin]
+        of_ground = tangent_of_ground_springs(row, ground.axis, ground.value / self.area[row], state.value.shape)
+        return (density @ tangent_of_springs(points, state.value, self._springs_between_points())).tocsr() + of_ground
 
     def _springs_between_points(self) -> Iterator[SpringsBetweenPoints]:
         """The fine bonds, coarse springs, and pieces of clipped bonds, from both ends. Points are the nodes, those on

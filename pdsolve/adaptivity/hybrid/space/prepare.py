@@ -34,6 +34,7 @@ from pdsolve.lattice.tiles import VOLUME, Tiles
 from pdsolve.laws import law_of
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
+from pdsolve.operators.ground_supports import springs_of_components
 from pdsolve.schemes.cubic_lattice_bonds import tiled
 from pdsolve.zone.bond_parts import divide_bonds_at_cell_borders
 from pdsolve.zone.cells import FINE, VOID, create_body_numbering
@@ -77,13 +78,16 @@ def create_body_operator_and_stable_step(
     cells = initial_cell_kinds(
         numbering, volume, tiles.node[:count].reshape(shape) >= 0, full_body.fine_lattice.reach, cracks, unfit_nodes
     )
-    resistance = float((tiling.stiffness_bound / model.rho).max()) / SEAM
+    ground_springs = springs_of_components(model, model.grid.cells)
+    support = (ground_springs.value / model.rho[ground_springs.node]).max(initial=0.0) / 2
+    resistance = float((tiling.stiffness_bound / model.rho).max()) / SEAM + support
     driven = drive(model, model.grid.cells, True, np.float64)
     full_body = full_body._replace(
         stiffness_over_density=resistance,
         solid_cell_count=int(np.count_nonzero(cells != VOID)),
         full_drive=driven,
         damping_rates=damping(model),
+        ground_springs=ground_springs,
     )
     vertex_force, kind = compute_vertex_force_ratio(law, tiles.vectors, h), np.dtype(precision).type
     engine, bound = BodyEngine(full_body, cells, vertex_force, threads, kind), float(np.sqrt(2 / resistance))
