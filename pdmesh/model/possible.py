@@ -37,9 +37,10 @@ from pdmesh.model.material import USUAL_LAW, Material
 from pdmesh.model.materials import MIXED
 from pdmesh.model.materials.kind import softens
 from pdmesh.model.materials.solids import SOLIDS
-from pdmesh.model.mechanical_conditions import Grip, RigidBody
+from pdmesh.model.mechanical_conditions import Contact, Grip, RigidBody
 from pdmesh.model.unused_settings import USUAL, value_of, word
 
+DEFAULTS = msgspec.structs.replace(USUAL, contact=Contact())  # as everything is that is left out
 Occurrences = Iterator[tuple[str, str]]  # places and values there
 Recognise = Callable[[Case], Occurrences]
 
@@ -64,7 +65,7 @@ class Exclusion(NamedTuple):
 
 def setting(name: str, *values: object) -> Recognise:
     """A setting of this dotted name with one of these values, or, if there are none, with another than the usual."""
-    usual = value_of(USUAL, name)
+    usual = value_of(DEFAULTS, name)
 
     def occurrences(case: Case) -> Occurrences:
         value = value_of(case.settings, name)
@@ -147,12 +148,6 @@ def regions(case: Case) -> Occurrences:
     """Regions of several materials."""
     if len(case.materials) > 1:
         yield "$.regions", f"{len(case.materials)} materials"
-
-
-def rebound(case: Case) -> Occurrences:
-    """A restitution with which bodies rebound more slowly."""
-    if case.settings.contact is not None and case.settings.contact.restitution < 1:
-        yield "$.contact.restitution", word(case.settings.contact.restitution)
 
 
 AT_REST, BREAKING, GROWN = setting("run.solver", "static"), setting("run.cracks", "bonds"), setting("run.cracks")
@@ -240,7 +235,7 @@ PARTICLES_AT_REST = Feature(
 REGIONS = Feature("several materials", regions, "one")
 # Conditions
 CONTACT = Feature("contact", present("contact"), why=", as bodies touch")
-RESTITUTION = Feature("a restitution below 1", rebound, "1")
+RESTITUTION = Feature("a restitution below 1", setting("contact.restitution"), "1")
 RIGID = Feature("rigid bodies", conditions(RigidBody), why=", as a body is rigid")
 SPRINGS = Feature("springs", conditions(Spring), "a load, a displacement or a velocity")
 PINS = Feature("pins", conditions(Pin), "a load, a displacement or a velocity")
@@ -254,7 +249,7 @@ DISPLACED = Feature("initial displacements", conditions(InitialDisplacement))
 STATE_BASED = Feature("state-based and micropolar models", models("ordinary", "correspondence", "micropolar"), "bond")
 ORDINARY = Feature("ordinary", models("ordinary"), "bond")
 CORRESPONDENCE = Feature("correspondence", models("correspondence"), "bond or ordinary")
-MICROPOLAR = Feature("micropolar", models("micropolar"), "bond or ordinary")
+MICROPOLAR = Feature("micropolar", models("micropolar"), "bond or ordinary", ", as the model is micropolar")
 BEAMS = Feature("micropolar beams", materials("model", lambda m: m.model == "micropolar" and not softens(m)), OTHERS)
 CURVED = Feature("cohesive or own laws", materials("law", lambda m: m.law not in MIXED), f"{USUAL_LAW} or bilinear")
 COHESIVE = Feature("cohesive bonds", materials("law", lambda m: m.law == "cohesive"), f"{USUAL_LAW} or bilinear")
@@ -298,6 +293,7 @@ def excluded(by: Feature, *features: Feature, use: str = "", because: str = "") 
 
 ONE_BODY = " (adaptive cells exist for a single body only, and coarse cells would not detect contact)"
 NO_HEAT = " (contact transmits forces but no heat)"
+NO_LAW = " (blocks have no such law)"
 UNHELD = " (dynamic relaxation cannot distinguish slow convergence from free motion)"
 LAST = "bond (or --adapt none; version 1.0.0 was the last with zones of ordinary solids)"
 TABLE: tuple[Exclusion, ...] = (
@@ -315,7 +311,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(SPACE, PINS, use="none"),
     *excluded(BODIES, HEAT),
     *excluded(HEAT, SOLID, IMPLICIT, SOFTENING, ZONES, PARTICLES, START, DISPLACED, THESIS),
-    *excluded(HEAT, STIFFNESS_DAMPING),
+    *excluded(HEAT, STIFFNESS_DAMPING, EQ19),
     *excluded(HEAT, COUNT, use="run.time_step and steps"),
     *excluded(CONTACT, HEAT, because=NO_HEAT),
     *excluded(CONTACT, ADAPTIVE, because=ONE_BODY),
@@ -331,6 +327,8 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(STATIC, STIFFNESS_DAMPING, SHORTER),
     *excluded(STATIC, RESTITUTION, because=" (nothing bounces)"),
     *excluded(FLOW, SINGLE),
+    *excluded(FLOW, KERNEL, because=NO_LAW),
+    *excluded(MICROPOLAR, KERNEL, because=NO_LAW),
     *excluded(STATIC, START, use="none"),
     *excluded(STATIC, VELOCITY, ACCELERATION, DISPLACED, ABSORB, RIGID, use="a load or a displacement"),
     *excluded(STATIC, BEAMS, use=f"{OTHERS}, or law 'cohesive'", because=ROTATIONS),
@@ -358,7 +356,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(PARTICLES, STIFFNESS_DAMPING),
     *excluded(PARTICLES, ADAPTIVE, LARGE, THESIS),
     *excluded(DEVICE, STATIC, IMPLICIT, use="explicit"),
-    *excluded(DEVICE, STIFFNESS_DAMPING),
+    *excluded(DEVICE, STIFFNESS_DAMPING, NOISE),
     *excluded(DEVICE, HEAT, use="mechanics or diffusion"),
     *excluded(DEVICE, ADAPTIVE, COLLOCATION, PARTICLES, KINETIC, CORRESPONDENCE, MICROPOLAR),
     *excluded(DEVICE, CONTACT, RIGID, SPRINGS, PINS, use="none"),

@@ -24,7 +24,9 @@ from pdsolve.study.run_model import disturbed
 
 # Rows of what belongs to the physics itself, which no other has; tests/unit/pdsolve/diffusion/test_runs.py has them
 OF_ONE_PHYSICS = {("materials", "diffusion"), ("media", "mechanics")}
-TWO_SPACINGS = {"diffusion", "dissolution"}  # which collocation needs of them; tests/unit/pdsolve/diffusion has it
+# What nodes decide: collocation of contents needs two spacings, and blocks a lattice; tests of their rooms have them
+OF_NODES = {("diffusion", "collocation"), ("dissolution", "collocation")}
+OF_NODES |= {("kernels of blocks", "repeated runs with shifted nodes")}
 PARTS = 32  # of the pairs, of which a quick test takes one
 
 
@@ -112,9 +114,8 @@ def test_what_it_does_not_refuse_runs(one: str, monkeypatch: pytest.MonkeyPatch)
     """A feature, alone and with each of those that come after it."""
     monkeypatch.setitem(LAWS, "own", LAWS["brittle"])
     alone = SAMPLES[one] | {"conditions": SAMPLES[one].get("conditions", ())}
-    every = {one: alone} | {other: together(one, other) for first, other in pairs() if first == one}
-    if one in TWO_SPACINGS:
-        del every["collocation"]
+    others = [other for first, other in pairs() if first == one and (one, other) not in OF_NODES]
+    every = {one: alone} | {other: together(one, other) for other in others}
     assert {
         other: said
         for other, changes in every.items()
