@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from benchmarks.models import PLATES, scene_model, with_run
 from benchmarks.pages import DOCS, markdown_table, write_block
 from pdmesh.drawing.additions import ADAPT
@@ -26,9 +27,9 @@ from pdmesh.model.possible import impossible
 from pdmesh.scene.shapes import SceneError
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
-from pdsolve.run.node_changes import create_system_if_zone_changed
+from pdsolve.run.measures import compute_node_damage
 from pdsolve.run.prepare import prepare
+from pdsolve.run.system import create_system_if_zone_changed
 
 PAGE = DOCS / "verification" / "adaptivity.md"
 STEPS = (1.0, 0.9625, 0.925, 0.8875)  # of the surely stable step: ratios of 0.80, 0.77, 0.74 and 0.71

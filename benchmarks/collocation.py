@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from benchmarks import adaptivity
 from benchmarks.adaptivity import CRACKED, angle, mean_distance
+from benchmarks.balance_rows import compute_energy_balance_row
 from benchmarks.models import GEOMETRIES, with_run
 from benchmarks.pages import DOCS, markdown_table, write_block
 from pdmesh.drawing.file_reading import read_scene
@@ -33,9 +34,9 @@ from pdmesh.model.document import Collocation
 from pdsolve.adaptivity.collocation.operator import CollocationOperator
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
-from pdsolve.run.node_changes import create_system_if_zone_changed
+from pdsolve.run.measures import compute_node_damage
 from pdsolve.run.prepare import prepare
+from pdsolve.run.system import create_system_if_zone_changed
 
 PAGE = DOCS / "verification" / "collocation.md"
 HORIZON, DURATION, LOOKS = 6e-3, 87.5e-6, 35

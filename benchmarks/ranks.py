@@ -72,7 +72,7 @@ def exchanges(ranks: Team, times: int) -> list[float]:
 def own_values(ranks: Team) -> NDArray[Any]:
     """The displacements (k, 2) of this rank's own nodes, m."""
     subdomain = ranks.subdomain
-    return np.ascontiguousarray(subdomain.state.value[subdomain.own])
+    return np.ascontiguousarray(subdomain.state.value[subdomain.own_rows])
 
 
 def peak(ranks: Team | None) -> float:

@@ -188,9 +188,9 @@ def _solve(args: argparse.Namespace, ranks: Team | None) -> int:
         from pdsolve.model import ModelWarning, read_model
         from pdsolve.numerics.memory import large_arrays_apart
         from pdsolve.results import ResultsWarning, is_empty, state_of
-        from pdsolve.run.after_path import results_file_of_motion_after_equilibrium_path
+        from pdsolve.run.initial_states import results_file_of_motion_after_equilibrium_path
+        from pdsolve.run.progress import format_summary_lines
         from pdsolve.run.simulation import Options, resume, simulate
-        from pdsolve.run.summary_lines import format_summary_lines
 
     large_arrays_apart()
     stopping.expect_long_call()

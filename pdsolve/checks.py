@@ -16,9 +16,8 @@ from pdmesh.model.amounts import MUCH, damping_warning
 from pdmesh.model.cohesive_softening import COARSE, characteristic_length, largest_horizon
 from pdmesh.model.contradictions import Case
 from pdmesh.model.document import Displacement, InitialVelocity, Timed
-from pdmesh.model.graphs import tree_of
 from pdmesh.model.lattice_calibration import along_axes, lattice_ratios
-from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, row_chunks, tree_of
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.output_fields import usual
 from pdmesh.model.possible import impossible

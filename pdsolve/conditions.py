@@ -25,9 +25,9 @@ from pdmesh.model.document import (
     Spring,
     Velocity,
 )
-from pdmesh.model.graphs import tree_of
 from pdmesh.model.load_resultants import shares_of
 from pdmesh.model.material_constants import pressure_speed
+from pdmesh.model.neighbours import tree_of
 from pdmesh.model.rigid_bodies import first_velocities, rigid_velocities
 from pdmesh.model.selection import components
 from pdsolve.model import Model, ModelError

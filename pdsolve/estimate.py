@@ -15,7 +15,6 @@ import msgspec
 import numpy as np
 
 from pdmesh.model.document import ARC, ON_ONE_LATTICE, Absorb, Load, Run, Settings
-from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity
 from pdsolve.checks import warn_of_model
 from pdsolve.conditions import has_conditions
 from pdsolve.diffusion.swelling import cycle_of
@@ -39,7 +38,7 @@ from pdsolve.run.assembly import (
     stable_time_step_from_stiffness_bound,
 )
 from pdsolve.run.initial_states import prepare_quasi_static_model_of_start
-from pdsolve.run.prepare import prepare, select_scheme
+from pdsolve.run.prepare import prepare, select_scheme, with_chosen_adaptivity
 from pdsolve.run.system import System
 
 DEFAULT = Options()
@@ -131,7 +130,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     """Cost of solving the model; with a moving fine zone, that of its initial state. Raises ModelError."""
     if model.diffuses:
         return _estimate_diffusion_cost(model, options)
-    model = choose_adaptivity(model, options) if model.settings.run.adapt == "auto" else model
+    model = with_chosen_adaptivity(model, options)
     scheme, settings = select_scheme(model, options), model.settings
     paired, splits = law_of(model).pair is not None, settings.run.adapt == "split"
     moves = settings.run.adapt in ON_ONE_LATTICE

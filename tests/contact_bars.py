@@ -7,11 +7,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Contact, InitialVelocity, Material, Region, Run, Settings
 from pdmesh.model.node_grid import Bodies, Grid
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
+from pdsolve.run.measures import EnergyBalanceRow
 from pdsolve.run.prepare import prepare
 
 USUAL = Run()

@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from plates import plate, square_grid
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Displacement, Material, Run
 from pdmesh.model.material_constants import poisson
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 
 

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from new_databases import create_writer
 
-from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Results, Writer
+from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Results
 from pdsolve.run.measures import EnergyBalanceRow
 
 NOTCH = np.array([[0.0, 0.0, 4.5e-3, 0.0]])  # of `lattice`
@@ -44,7 +45,7 @@ def run(
 ) -> Results:
     """Results in which nodes (step, x, y) lose four of their ten bonds; steps of 1 us. Cracks may be particles: the
     step of each, who it grew from, and where it is, mm."""
-    writer = Writer.create(None, nodes, alone, notch, {"time_step": 1e-6, "model": model})
+    writer = create_writer(None, nodes, alone, notch, {"time_step": 1e-6, "model": model})
     rows = [(step, at(nodes, x, y), 1) for step, x, y in cracked for _ in range(4)]
     breaks = Breaks(*np.array(sorted(rows), dtype=np.int64).reshape(-1, 3).T)
     grown = [(at, step, parent, 1e-3 * x, 1e-3 * y, 0.0, 0.0) for at, (step, parent, x, y) in enumerate(particles)]
@@ -55,7 +56,7 @@ def run(
 
 def at_steps(nodes: Nodes, steps: np.ndarray, time_step: float = 1e-6) -> Results:
     """Results in which each node (n,) loses four of its ten bonds in its step; those below 1 keep theirs."""
-    writer = Writer.create(None, nodes, alone, np.empty((0, 4)), {"time_step": time_step, "model": "{}"})
+    writer = create_writer(None, nodes, alone, np.empty((0, 4)), {"time_step": time_step, "model": "{}"})
     cracked = np.flatnonzero(steps > 0)
     order = np.repeat(cracked[np.argsort(steps[cracked], kind="stable")], 4)
     step, node = steps[order].astype(np.int64), nodes.ids[order]

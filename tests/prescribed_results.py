@@ -6,10 +6,11 @@ import json
 from pathlib import Path
 
 import numpy as np
+from new_databases import create_writer
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Results, Writer
+from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Results
 
 
 def plate(side: int = 13, spacing: float = 1e-3, horizon: float = 3.01, jitter: float = 0.0) -> tuple[Nodes, Families]:
@@ -66,7 +67,7 @@ def results_of(
     d = u.shape[1]
     cracks = np.empty((0, {2: 4, 3: 9}[d])) if cracks is None else cracks
     meta = {"time_step": 1e-6, "model": json.dumps(model)} | ({"dimension": 3} if d == 3 else {})
-    writer = Writer.create(path, nodes, part, cracks, meta)
+    writer = create_writer(path, nodes, part, cracks, meta)
     breaks = Breaks(*np.array(broken, dtype=np.int64).reshape(-1, 3).T)
     writer.write(FrameRecord(10, 1e-5, dict(zip(("ux", "uy", "uz"), u.T, strict=False)), breaks, [], [], {}))
     if path is not None:

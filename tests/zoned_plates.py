@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from plates import plate, square_grid
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Material, Region, Run, Velocity
 from pdmesh.model.node_grid import Grid
 from pdsolve.adaptivity.hybrid.arrays import LatticeConstants, PlateZone
@@ -20,9 +21,9 @@ from pdsolve.adaptivity.hybrid.prepare import create_hybrid_operator_and_stable_
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.run.assembly import choose_time_step
-from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
-from pdsolve.run.node_changes import create_system_if_zone_changed
+from pdsolve.run.measures import EnergyBalanceRow
 from pdsolve.run.prepare import prepare
+from pdsolve.run.system import create_system_if_zone_changed
 from pdsolve.zone.cells import COARSE, FAR, FINE, FREE, VOID, lattice_coordinates, place_number_at
 
 H = 1e-3  # m

@@ -19,7 +19,7 @@ RIGHT_ANSWERS = (
         "tests/unit/pdsolve/test_checks.py::test_bonds_that_take_too_little_are_said",
     ),
     Mutant(
-        "pdsolve/run/energy_accounts.py",
+        "pdsolve/run/accounts.py",
         "        if system.scheme.symmetric and not self._nodes_changed:\n",
         "        if False:\n",
         "tests/unit/pdsolve/test_checks.py::test_a_run_says_that_its_bonds_took_too_little",
@@ -38,7 +38,7 @@ RIGHT_ANSWERS = (
         "tests/verification/test_families_that_lose_bonds.py::test_torn_families_are_no_stiffer_than_straight_faces",
     ),
     Mutant(
-        "pdsolve/run/energy_accounts.py",
+        "pdsolve/run/accounts.py",
         "        if system.time_step > intact_step:",
         "        if False:",
         "tests/verification/test_families_that_lose_bonds.py::test_a_step_that_became_too_long_is_said_to_be_the_cause",
@@ -69,7 +69,7 @@ RIGHT_ANSWERS = (
         "tests/verification/test_zone_strength.py::test_building_warns_of_loads_on_coarse_zones",
     ),
     Mutant(
-        "pdsolve/run/result_warnings.py",
+        "pdsolve/run/motion_checks.py",
         "    if len(outside):\n",
         "    if False:\n",
         "tests/verification/test_zone_strength.py::test_a_run_says_that_bonds_broke_in_a_coarse_zone",
@@ -236,7 +236,7 @@ RIGHT_ANSWERS = (
         "tests/unit/pdsolve/test_drawn_faces.py::test_nodes_of_a_disc_have_the_normal_and_the_depth_of_its_circle",
     ),
     Mutant(
-        "pdsolve/run/result_warnings.py",
+        "pdsolve/run/motion_checks.py",
         "if width.half < RESOLVED}",
         "if width.half < RESOLVED / 4}",
         "tests/verification/test_hertz.py::test_a_contact_of_round_bodies_narrower_than_four_spacings_is_warned_of",
@@ -315,7 +315,7 @@ RIGHT_ANSWERS = (
         "tests/unit/pdsolve/fracture/test_broken_area.py::test_a_cut_of_a_plate_has_its_length",
     ),
     Mutant(
-        "pdsolve/run/summary_lines.py",
+        "pdsolve/run/progress.py",
         '        lines.append(crack_energy(summary["cracks"], unit))',
         "        pass",
         "tests/verification/test_tear.py::test_a_run_says_what_a_cut_cost_beside_g0_times_its_area",

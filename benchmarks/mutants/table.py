@@ -24,7 +24,7 @@ MUTANTS = (
         f"{UNIT}/test_conditions.py::test_a_held_velocity_follows_its_profile",
     ),
     Mutant(
-        "pdsolve/run/fragments.py",
+        "pdsolve/run/recorder.py",
         "sound_bonds = inside & sound[source] & sound[target]",
         "sound_bonds = inside & (sound[source] | sound[target])",
         f"{UNIT}/test_simulation.py::test_pieces_are_not_joined_by_cracked_nodes",

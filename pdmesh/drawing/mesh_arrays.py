@@ -15,7 +15,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.drawing.parameters import MATERIAL, PREFIX
-from pdmesh.model.graphs import connected, tree_of
+from pdmesh.model.neighbours import connected, tree_of
 from pdmesh.scene.shapes import near
 
 Rows = NDArray[np.int64]

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pdmesh.drawing.mesh_arrays import Block, Mesh
 from pdmesh.drawing.text_fields import finite_number, text_lines
-from pdmesh.model.graphs import tree_of
+from pdmesh.model.neighbours import tree_of
 from pdmesh.scene.shapes import SceneError
 
 FLAT = 1e-9  # of the size of the points: z that still counts as one

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from pdmesh.drawing.body_of_groups import KINDS, body_of
 from pdmesh.drawing.mesh_arrays import Mesh, group_names, unused
 from pdmesh.drawing.parameters import PREFIX, unit_of
-from pdmesh.model.graphs import tree_of
+from pdmesh.model.neighbours import tree_of
 from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import NodeCloud

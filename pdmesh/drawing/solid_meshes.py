@@ -13,7 +13,7 @@ from pdmesh.drawing.body_of_groups import KINDS, body_of
 from pdmesh.drawing.mesh_arrays import FEW, SIDES, Block, Mesh, Rows, group_names, joined, unused
 from pdmesh.drawing.parameters import PREFIX, unit_of
 from pdmesh.grid.cubic import THINNEST
-from pdmesh.model.graphs import connected
+from pdmesh.model.neighbours import connected
 from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError
 

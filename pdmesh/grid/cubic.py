@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from pdmesh.grid.cubes import Cubes, inside, shares
 from pdmesh.model.document import ON_ONE_LATTICE
-from pdmesh.model.graphs import tree_of
+from pdmesh.model.neighbours import tree_of
 from pdmesh.model.triangulated_surface import distances, gap, outward
 from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 
 from pdmesh.grid.zones import Level, levels
 from pdmesh.model.document import Horizon, Settings
-from pdmesh.model.graphs import tree_of
+from pdmesh.model.neighbours import tree_of
 from pdmesh.model.node_grid import Grid, places
 from pdmesh.scene.conditions import SLACK, Shift
 from pdmesh.scene.heat import medium_of

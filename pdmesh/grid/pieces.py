@@ -14,8 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from pdmesh.model.graphs import connected, tree_of
-from pdmesh.model.neighbours import ROUND_OFF, Neighbours, chosen
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, chosen, connected, tree_of
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.visibility import SLACK, cracks_of, sight_of
 from pdmesh.scene.shapes import near, parts

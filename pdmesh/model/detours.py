@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.graphs import connected, tree_of
+from pdmesh.model.neighbours import connected, tree_of
 
 if TYPE_CHECKING:
     import shapely

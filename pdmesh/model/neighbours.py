@@ -1,7 +1,7 @@
 """Neighbour search for any rows of a grid at a time.
 
 Nodes on a lattice find each other by lattice offsets, and other nodes find them in a window of the lattice. Nodes on no
-lattice are found by a tree.
+lattice are found by a tree. Trees and connected components are SciPy's, which is imported when one is needed.
 """
 
 from __future__ import annotations
@@ -15,8 +15,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-
-from pdmesh.model.graphs import tree_of
 
 if TYPE_CHECKING:
     from scipy.spatial import cKDTree
@@ -235,3 +233,21 @@ def _lattice(
     near = (lengths(ways.astype(float)) * spacing <= reach * (1 + ROUND_OFF)) & (ways != 0).any(axis=1)
     corner = position[rows[0]] + (low - place[0]) * spacing
     return _Group(rows, position[rows], reach, flat, lattice, ways[near] @ stride, size, corner, spacing)
+
+
+def connected(count: int, source: NDArray[np.int64], target: NDArray[np.int64]) -> NDArray[np.int64]:
+    """The component number (count,) of each vertex, from edges between `source` (k,) and `target` (k,)."""
+    # Here, as importing SciPy takes a fifth of the whole solution of a small plate
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    links = coo_array((np.ones(len(source), dtype=np.int8), (source, target)), shape=(count, count))
+    return np.asarray(connected_components(links, directed=False)[1], dtype=np.int64)
+
+
+def tree_of(position: NDArray[np.float64]) -> cKDTree:
+    """The k-d tree of nodes at `position` (n, d)."""
+    # Here, as importing SciPy takes a fifth of the whole solution of a small plate, which may do without a tree
+    from scipy.spatial import cKDTree
+
+    return cKDTree(position)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pdmesh.model.document import Lattice
-from pdmesh.model.graphs import tree_of
+from pdmesh.model.neighbours import tree_of
 from pdmesh.model.svg_picture import svg
 
 TIE = 1e-9  # relative difference of distances that are equal but for round-off

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.graphs import connected, tree_of
-from pdmesh.model.neighbours import ROUND_OFF, Pairs
+from pdmesh.model.neighbours import ROUND_OFF, Pairs, connected, tree_of
 
 EDGE = 1e-12  # of a triangle: how far beside its edge a segment still meets it
 OUTER = 1e-9  # of the size of a body: a corner this little in front of a triangle's plane is on it

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.files import read_bytes
-from pdmesh.model.graphs import tree_of
+from pdmesh.model.neighbours import tree_of
 from pdmesh.model.values_of_place import (
     AXES,
     LARGEST,

@@ -22,8 +22,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.detours import Detours
 from pdmesh.model.document import GridError
-from pdmesh.model.graphs import tree_of
-from pdmesh.model.neighbours import ROUND_OFF, Pairs
+from pdmesh.model.neighbours import ROUND_OFF, Pairs, tree_of
 from pdmesh.model.node_grid import Bodies, Grid
 from pdmesh.model.triangulated_surface import Screen, distances, facing, meets, normals
 

@@ -13,8 +13,8 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from pdmesh.model.document import AnyCondition, Displacement, Load, Pin, Spring
-from pdmesh.model.graphs import tree_of
 from pdmesh.model.load_resultants import nodal_forces
+from pdmesh.model.neighbours import tree_of
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.values_at_places import vectors_at
 

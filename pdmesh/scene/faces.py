@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.graphs import connected
+from pdmesh.model.neighbours import connected
 from pdmesh.model.triangulated_surface import distances
 from pdmesh.quantities import Unit
 from pdmesh.scene.edges import METRE, points_in

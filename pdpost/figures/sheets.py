@@ -17,7 +17,7 @@ from matplotlib.patches import Patch, PathPatch
 from matplotlib.path import Path as Curve
 from numpy.typing import NDArray
 
-from pdmesh.model.graphs import tree_of
+from pdmesh.model.neighbours import tree_of
 from pdmesh.plain_figure import Figure
 from pdpost.figures import raster
 from pdpost.figures.colours import prefixed

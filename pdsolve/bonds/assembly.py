@@ -11,8 +11,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.graphs import tree_of
-from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, lengths, row_chunks
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, lengths, row_chunks, tree_of
 from pdsolve.checkpoint_validation import expect_found
 from pdsolve.model import Model
 

@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Absorb, InitialDisplacement, InitialVelocity
-from pdmesh.model.graphs import tree_of
+from pdmesh.model.neighbours import tree_of
 from pdmesh.model.visibility import SLACK, plate_of
 from pdsolve.fracture.crack_particles import Particles, arms, links
 from pdsolve.model import Model

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Concentration, Exchange, Source
-from pdmesh.model.graphs import tree_of
+from pdmesh.model.neighbours import tree_of
 from pdsolve.diffusion.families import diffusivities, extended
 from pdsolve.diffusion.walls import Array, Bonds, Faces, Rows
 from pdsolve.model import Model, ModelError

@@ -18,8 +18,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.graphs import tree_of
-from pdmesh.model.neighbours import Pairs, row_chunks
+from pdmesh.model.neighbours import Pairs, row_chunks, tree_of
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]

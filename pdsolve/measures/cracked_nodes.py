@@ -14,9 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Horizon, Material
-from pdmesh.model.graphs import tree_of
 from pdmesh.model.lattice_calibration import has_partial_cells
-from pdmesh.model.neighbours import Neighbours
+from pdmesh.model.neighbours import Neighbours, tree_of
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.output_fields import CRACKED
 from pdmesh.model.visibility import sight_of

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pdmesh.model.graphs import connected
+from pdmesh.model.neighbours import connected
 from pdmesh.model.output_fields import CRACKED
 from pdsolve.measures.cracked_nodes import LINKED, ROUND_OFF, first_cracked_step_of_nodes
 from pdsolve.measures.tips import CrackBranch, crack_branches, find_forks

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Material, Region
-from pdmesh.model.graphs import connected
+from pdmesh.model.neighbours import connected
 from pdmesh.model.node_arrays import selected
 from pdmesh.model.output_fields import CRACKED
 from pdsolve.measures.crack_faces import FaceNeighbourPairs

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Material, Region
-from pdmesh.model.graphs import tree_of
 from pdmesh.model.material_constants import poisson
+from pdmesh.model.neighbours import tree_of
 from pdmesh.model.node_arrays import selected
 from pdsolve.fracture.gradients import Stiffness, curved_gradients_of, gradients_of
 from pdsolve.measures.embedded_model import physics_of, read

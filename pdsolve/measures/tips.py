@@ -21,7 +21,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Horizon
-from pdmesh.model.graphs import tree_of
+from pdmesh.model.neighbours import tree_of
 from pdmesh.model.output_fields import CRACKED
 from pdsolve.fracture.crack_particles import Particles, until
 from pdsolve.measures.crack_labels import CrackedNodes, label_cracked_nodes

@@ -40,7 +40,7 @@ class DiffusingPart:
     """What a rank works on."""
 
     def __init__(self, operator: Content, stepper: ForwardEuler, drive: Drive, own_rows: slice) -> None:
-        self.operator, self.stepper, self.drive, self.own = operator, stepper, drive, own_rows
+        self.operator, self.stepper, self.drive, self.own_rows = operator, stepper, drive, own_rows
 
 
 class EulerOnRanks(Stepper):
@@ -80,12 +80,12 @@ class EulerOnRanks(Stepper):
 def _of_slab(drive: Drive, slab: Slab) -> Drive:
     """The conditions of a slab's own nodes, by rows of its window."""
 
-    def own(entries: Entries) -> Entries:
+    def select_own(entries: Entries) -> Entries:
         own_entries = chosen(entries, (entries.node >= slab.first) & (entries.node < slab.last))
         return own_entries._replace(node=own_entries.node - slab.begin)
 
     force = drive.force[slab.begin : slab.end]
-    return drive._replace(loads=own(drive.loads), holds=own(drive.holds), force=force, before=force)
+    return drive._replace(loads=select_own(drive.loads), holds=select_own(drive.holds), force=force, before=force)
 
 
 def build(team: Team, starts: NDArray[np.int64], dt: float, share: tuple[Slab, Content, Drive]) -> None:
@@ -103,7 +103,7 @@ def advance(team: Team, first_step: int, end_step: int, share: Share) -> Share:
     state = State(*map(np.array, share.state))  # copies: rank 0 shares rows of its own arrays with itself
     part.operator.solid, part.drive.force[:] = share.solid, share.force
     part.stepper.advance(state, first_step, end_step)
-    own_rows = part.own
+    own_rows = part.own_rows
     return Share(
         State(*(values[own_rows] for values in state)), part.operator.solid[own_rows], part.drive.force[own_rows]
     )

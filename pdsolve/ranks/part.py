@@ -1,17 +1,20 @@
-"""The part of one rank: its window of the model, and the bonds of its own rows. Functions here are asked of all ranks.
+"""The part of one rank: its window of the model, and the bonds of its own rows, which all ranks make at once.
 
-Rows are those of the whole grid where several ranks have to do with them, and those of the rank's window inside.
+Functions here are asked of all ranks. Rows are those of the whole grid where several ranks have to do with them, and
+those of the rank's window inside.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import BondSource, BondStatistics, Counted, Scheme
+from pdsolve.lattice.layout import LANES
 from pdsolve.lattice.operator import BlockLattice, TileLattice
 from pdsolve.laws import law_of
 from pdsolve.model import Model
@@ -22,14 +25,15 @@ from pdsolve.operators.protocol import CheckpointArrays, Operator
 from pdsolve.options import Options
 from pdsolve.ranks.blocks import Scratch, Seen, blocks_of
 from pdsolve.ranks.ghost_exchange import GhostExchange
-from pdsolve.ranks.slabs import Slab
+from pdsolve.ranks.slabs import Slab, slabs_of, starts_of
+from pdsolve.results.schema import CHUNK
 from pdsolve.schemes import SCHEMES
 from pdsolve.state import Broken
 
 ENDS = ("_source", "_target")  # of bonds, in the names of their history
-Made = tuple[Operator, Counted]
-Make = Callable[[Model, Options, Scheme, BondSource], Made]  # what makes the operator of a model
-MakeTiled = Callable[[Model, Options, Scheme], Made | None]  # the same in tiles; None where they cannot be
+CountedOperator = tuple[Operator, Counted]
+Make = Callable[[Model, Options, Scheme, BondSource], CountedOperator]  # what makes the operator of a model
+MakeTiled = Callable[[Model, Options, Scheme], CountedOperator | None]  # the same in tiles; None where they cannot be
 
 
 class Built(NamedTuple):
@@ -47,7 +51,7 @@ class Part:
     def __init__(self, slab: Slab, model: Model, operator: Operator, counted: Counted, ghosts: GhostExchange) -> None:
         """`model` and `counted` are of the window."""
         self.slab, self.model, self.operator, self.counted, self.ghosts = slab, model, operator, counted, ghosts
-        self.own = slice(slab.first - slab.begin, slab.last - slab.begin)
+        self.own_rows = slice(slab.first - slab.begin, slab.last - slab.begin)
 
 
 def build(team: Team, options: Options, starts: NDArray[np.int64], share: tuple[Slab, Model]) -> Built | None:
@@ -75,9 +79,11 @@ def build_tiles(
 ) -> Built | None:
     """Make the bonds of a whole window in tiles; None where those of any rank cannot be."""
     slab, model = share[0], window(*share)
-    made = make(model, options._replace(threads=options.threads or 1), SCHEMES[options.mode])
-    can_be = team.comm.allgather(made is not None)
-    return None if made is None or not all(can_be) else _adopt_window(team, starts, slab, model, made)
+    counted_operator = make(model, options._replace(threads=options.threads or 1), SCHEMES[options.mode])
+    can_be = team.comm.allgather(counted_operator is not None)
+    if counted_operator is None or not all(can_be):
+        return None
+    return _adopt_window(team, starts, slab, model, counted_operator)
 
 
 def build_window(
@@ -86,18 +92,20 @@ def build_window(
     """Make the bonds of a whole window; those of ghosts are there to know what own nodes' bonds ask of them."""
     slab, model = share[0], window(*share)
     scheme = SCHEMES[options.mode]
-    made = make(model, options._replace(threads=options.threads or 1), scheme, scheme.fill(model))
-    return _adopt_window(team, starts, slab, model, made)
+    counted_operator = make(model, options._replace(threads=options.threads or 1), scheme, scheme.fill(model))
+    return _adopt_window(team, starts, slab, model, counted_operator)
 
 
-def _adopt_window(team: Team, starts: NDArray[np.int64], slab: Slab, model: Model, made: Made) -> Built:
+def _adopt_window(
+    team: Team, starts: NDArray[np.int64], slab: Slab, model: Model, counted_operator: CountedOperator
+) -> Built:
     """Take over the bonds of a whole window: those of a law without a first pass ask for no more than the motion of
     their ends."""
-    operator, counted = made
+    operator, counted = counted_operator
     reached = np.arange(slab.begin, slab.end)
-    if isinstance(operator, BondList | TileLattice) and law_of(model).width is None:
+    if operator.bond_layout != "blocks" and law_of(model).width is None:
         own_range = slab.first - slab.begin, slab.last - slab.begin
-        operator.only(*own_range)
+        cast("BondList | TileLattice", operator).only(*own_range)
         reached = np.unique(operator.bonds(*own_range)[1]) + slab.begin
     return _adopt_bonds(team, starts, Bonded(slab, model, operator, counted), reached)
 
@@ -121,7 +129,7 @@ def _adopt_bonds(team: Team, starts: NDArray[np.int64], bonded: Bonded, reached:
     slab, model, operator, counted = bonded
     others = reached[(reached < slab.first) | (reached >= slab.last)]
     part = team.part = Part(slab, model, operator, counted, GhostExchange(team, starts, slab, others))
-    own_rows = part.own
+    own_rows = part.own_rows
     resistance = operator.stiffness_bound()[own_rows] / model.rho[own_rows]
     lonely = np.flatnonzero(counted.bonds[own_rows] == 0) + slab.first
     return Built(float(resistance.max(initial=0.0)), int(counted.bonds[own_rows].sum()), lonely, operator.name)
@@ -137,8 +145,8 @@ def added_up(team: Team, values: NDArray[np.float64]) -> float:
 def broken(part: Part, after: int = 0) -> Broken:
     """Bonds of own nodes broken after a step, by rows of the window."""
     broken_bonds = part.operator.broken(after)
-    mine = (broken_bonds.source >= part.own.start) & (broken_bonds.source < part.own.stop)
-    return Broken(*(column[mine] for column in broken_bonds))
+    is_local = (broken_bonds.source >= part.own_rows.start) & (broken_bonds.source < part.own_rows.stop)
+    return Broken(*(column[is_local] for column in broken_bonds))
 
 
 def own_checkpoint_arrays(part: Part, window_history: CheckpointArrays) -> dict[str, NDArray[Any]]:
@@ -147,10 +155,10 @@ def own_checkpoint_arrays(part: Part, window_history: CheckpointArrays) -> dict[
     for name, values in window_history.items():
         source = _ends(window_history, name, "source")
         if source is None:
-            own_history[name] = values[part.own]
+            own_history[name] = values[part.own_rows]
             continue
-        mine = (source >= part.own.start) & (source < part.own.stop)
-        own_history[name] = values[mine] + slab.begin if name.endswith(ENDS) else values[mine]
+        is_local = (source >= part.own_rows.start) & (source < part.own_rows.stop)
+        own_history[name] = values[is_local] + slab.begin if name.endswith(ENDS) else values[is_local]
     return own_history
 
 
@@ -168,11 +176,11 @@ def is_of_bonds(history: CheckpointArrays, name: str) -> bool:
 def of_window(part: Part, history: CheckpointArrays, broken: Broken) -> tuple[dict[str, NDArray[Any]], Broken]:
     """What a window has of arrays of its nodes and of all bonds, and of broken bonds; in blocks only own nodes have
     bonds."""
-    slab, alone = part.slab, isinstance(part.operator, BlockLattice)
+    slab, alone = part.slab, part.operator.bond_layout == "blocks"
     first, last = (slab.first, slab.last) if alone else (slab.begin, slab.end)
-    mine = (broken.source >= first) & (broken.source < last)
-    mine &= (broken.target >= slab.begin) & (broken.target < slab.end)
-    past = Broken(broken.step[mine], broken.source[mine] - slab.begin, broken.target[mine] - slab.begin)
+    is_local = (broken.source >= first) & (broken.source < last)
+    is_local &= (broken.target >= slab.begin) & (broken.target < slab.end)
+    past = Broken(broken.step[is_local], broken.source[is_local] - slab.begin, broken.target[is_local] - slab.begin)
     window_history: dict[str, NDArray[Any]] = {}
     for name, values in history.items():
         source, target = (_ends(history, name, end) for end in ("source", "target"))
@@ -182,3 +190,31 @@ def of_window(part: Part, history: CheckpointArrays, broken: Broken) -> tuple[di
         in_window = (source >= first) & (source < last) & (target >= slab.begin) & (target < slab.end)
         window_history[name] = values[in_window] - slab.begin if name.endswith(ENDS) else values[in_window]
     return window_history, past
+
+
+def built(
+    model: Model, options: Options, team: Team, make: Make, make_tiled: MakeTiled
+) -> tuple[list[Slab], list[Built]]:
+    """The slabs of all ranks, which have their bonds then, and what they say of them.
+
+    `make_tiled` makes the operator of a window in tiles, `make` that of one whose bonds are not in blocks. Raises
+    ModelError.
+    """
+    unit = LANES if len(model.grid) <= options.one_file else math.lcm(LANES, CHUNK)  # whole chunks in each file
+    slabs, plain = slabs_of(model, team.size, unit), options._replace(team=None)
+    starts = starts_of(slabs)
+    # a lattice is a few numbers, from which each rank makes the nodes of its window; other nodes are sent
+    shares = [(slab, model if model.grid.lattice else model.window(slab.begin, slab.end)) for slab in slabs]
+    built_parts: list[Built | None] = [None]
+    if law_of(model).pair is not None and options.kernel != "listed":
+        if model.grid.dimension == 3 and (model.grid.lattice or (model.grid.delta == model.grid.delta[0]).all()):
+            built_parts = team.everywhere(build_tiles, plain, make_tiled, starts, items=shares)
+        if None in built_parts:
+            built_parts = team.everywhere(build, plain, starts, items=shares)
+        plain = plain if built_parts[0] is not None else plain._replace(kernel="listed")  # as one process has it
+    if built_parts[0] is None:
+        built_parts = team.everywhere(build_window, plain, make, starts, items=shares)
+        if len({built_part.kernel for built_part in built_parts if built_part is not None}) > 1:
+            plain = plain._replace(kernel="listed")  # some windows lie on a lattice, others do not
+            built_parts = team.everywhere(build_window, plain, make, starts, items=shares)
+    return slabs, [built_part for built_part in built_parts if built_part is not None]

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Condition
-from pdmesh.model.graphs import tree_of
+from pdmesh.model.neighbours import tree_of
 from pdmesh.model.suggestions import called
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, conditions_of, put_loads

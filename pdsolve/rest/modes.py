@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.graphs import connected
+from pdmesh.model.neighbours import connected
 
 Pairs = tuple[NDArray[np.int64], NDArray[np.int64]]
 

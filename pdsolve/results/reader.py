@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sqlite3
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -416,12 +416,6 @@ class Results:
             raise ResultsError(f"{self.name} has no checkpoint to go on from; solve it anew")
         self._tables.expect("checkpoint", validation.wrong_checkpoint(rows))
         return rows[0][1], {name: np.frombuffer(data, dtype=kind).copy() for name, _, kind, *_, data in rows}
-
-    def entries(self, name: str) -> Iterator[NDArray[Any]]:
-        """An array of the last checkpoint, by its name, in consecutive parts; none if there is no such array."""
-        for row in self._tables.each("checkpoint", "WHERE name = ?", (name,)):
-            self._tables.expect("checkpoint", validation.wrong_checkpoint([row]))
-            yield np.frombuffer(row[-1], dtype=row[2])
 
     def checkpoint_step(self) -> int:
         """Step of the last checkpoint. Raises ResultsError if there is none."""

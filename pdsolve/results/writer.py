@@ -60,7 +60,7 @@ FIRST_WORD = 5.0  # s of waiting after which something is said; then after twice
 
 
 class Writer:
-    """Writes one run: `create` and `begin` begin a new database, `reopen` continues one; close it at the end.
+    """Writes one run: `begin` begins a new database, `reopen` continues one; close it at the end.
 
     While another program locks the database, it waits, with an occasional ResultsWarning, until `stop` returns true.
     """
@@ -72,22 +72,6 @@ class Writer:
         self._place = Path(os.path.realpath(path or "."))  # though a run may go to another folder
         self._token: Token | None = None  # None: nobody else can write to it, or it is not this writer's yet
         self._checksums: dict[str, Checksum] = {}  # within a transaction
-
-    @classmethod
-    def create(
-        cls,
-        path: Path | None,
-        nodes: Nodes,
-        families: Callable[[int, int], Families],
-        cracks: NDArray[np.float64],
-        meta: Mapping[str, Any],
-    ) -> Writer:
-        """A new database at `path` (in memory if None), replacing an existing one; `cracks` are those of a grid.
-
-        `families(first, last)` returns those of the rows `first` to `last` - 1. Raises WriteError if it cannot be
-        written, leaving nothing behind.
-        """
-        return cls.begin(path, _births(nodes, families), cracks, meta)
 
     @classmethod
     def begin(cls, path: Path | None, births: Births, cracks: NDArray[np.float64], meta: Mapping[str, Any]) -> Writer:

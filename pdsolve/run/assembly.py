@@ -1,4 +1,4 @@
-"""Operator, time step and stepper of a model, put together into its system."""
+"""Operator, time step and stepper of a model, put together into its system: in motion, at rest, or along a path."""
 
 from __future__ import annotations
 
@@ -12,8 +12,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.materials.solids import SOLIDS
 from pdsolve.bonds.assembly import Bonds, BondSource, BondStatistics, Counted, Scheme, listed
-from pdsolve.bonds.static_breakage import StaticBreakage
+from pdsolve.bonds.static_breakage import FamilyBonds, StaticBreakage
 from pdsolve.checks import refuse_fields
 from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, widened
 from pdsolve.device.families import FamiliesOnDevice, FluxesOnDevice
@@ -36,16 +37,31 @@ from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.contact.operator import BondsInContact, PenaltyContact, touch_bound
 from pdsolve.operators.ghosts import Ghosts
-from pdsolve.operators.ground_supports import support_bound, supported
+from pdsolve.operators.ground_supports import support_bound, supported, supports_of
 from pdsolve.operators.protocol import BondLayout, Motion, Operator
+from pdsolve.operators.softening_shear import softening_of
 from pdsolve.operators.stiffness_damping import add_stiffness_damping, damped_stable_time_step
 from pdsolve.operators.together import unwrap_bond_operator
 from pdsolve.options import Options, threads_of
 from pdsolve.ranks.diffusing import EulerOnRanks
-from pdsolve.run.node_changes import GrowingCracks
-from pdsolve.run.system import PreparedRun, System
+from pdsolve.rest.arc_length import ArcLengthSteps
+from pdsolve.rest.contact_method import EquilibriumMethodWithContact
+from pdsolve.rest.continuation import SofteningPathSteps
+from pdsolve.rest.crack_length import CrackLengthSteps
+from pdsolve.rest.equilibrium import EquilibriumMethod
+from pdsolve.rest.fatigue import BondFatigueSteps
+from pdsolve.rest.load_steps import LoadSteps
+from pdsolve.rest.newton import FACTORED, FACTORED_IN, Newton
+from pdsolve.rest.paris import ParisSteps
+from pdsolve.rest.relaxation import DynamicRelaxation
+from pdsolve.rest.static_loads import (
+    uses_arc_length_control,
+    uses_crack_length_control,
+    uses_softening_path_control,
+)
+from pdsolve.run.system import GrowingCracks, PreparedRun, System
 from pdsolve.schemes.cubic_lattice_bonds import Tiled, tiled
-from pdsolve.state import State
+from pdsolve.state import State, zero_state
 from pdsolve.stepper import Stepper
 from pdsolve.steppers.verlet import Verlet
 
@@ -66,9 +82,9 @@ def make_operator(
     `bonds_are_unbreakable`: no bond breaks, as `bond_source` has it; `bonds_swell`: they stretch from what a content
     makes them long, which tiles do not know.
     """
-    made = None if bonds_swell else make_tiled_operator(model, options, scheme, bonds_are_unbreakable)
-    if made is not None:
-        return made
+    tiled_operator = None if bonds_swell else make_tiled_operator(model, options, scheme, bonds_are_unbreakable)
+    if tiled_operator is not None:
+        return tiled_operator
     law, kind, nodes = law_of(model, scheme.matches_work), np.dtype(options.precision).type, len(model.grid)
     blocked = _allows_compiled_layouts(options)
     statistics = BondStatistics(bond_source, scheme.symmetric)
@@ -147,9 +163,9 @@ def _make_device_operator(
     return operator, statistics.counted(bond_source.area)
 
 
-def add_ground_supports(model: Model, volume: NDArray[np.float64], bond_operator: Operator) -> Operator:
+def _add_ground_supports(model: Model, volume: NDArray[np.float64], bonds: Operator) -> Operator:
     """The operator of a model's bonds with its spring supports and pins, if it has any. `volume` (n,), m^d."""
-    return supported(model, volume, bond_operator) if model.has_supports else bond_operator
+    return supported(model, volume, bonds) if model.has_supports else bonds
 
 
 def add_penalty_contact(
@@ -254,11 +270,10 @@ STILL = 2.0  # damping times a step: more would turn velocities round within it
 def prepare_explicit_motion(model: Model, options: Options, scheme: Scheme, bonds_swell: bool = False) -> PreparedRun:
     """A model's system and its state at time 0, with the bonds of this scheme; `bonds_swell` as in `make_operator`.
     Raises ModelError."""
-    filling = make_bond_source(model, scheme)
-    bonds, filled = make_operator(
-        model, options, scheme, filling, model.settings.run.cracks == "particles", bonds_swell
-    )
-    operator, touching = add_penalty_contact(model, filled.area, add_ground_supports(model, filled.area, bonds))
+    filling, particles = scheme.fill(model), model.settings.run.cracks == "particles"
+    filling = StaticBreakage(filling).filling() if particles else filling  # of which none breaks by itself
+    bonds, filled = make_operator(model, options, scheme, filling, particles, bonds_swell)
+    operator, touching = add_penalty_contact(model, filled.area, _add_ground_supports(model, filled.area, bonds))
     bound = compute_stable_time_step(model, operator)
     prepared = assemble_system(model, options, scheme, operator, filled, choose_time_step(model, bound), bound)
     if touching is not None:
@@ -358,12 +373,6 @@ def set_initial_velocity_and_acceleration(
         state.second[:] -= slowed
 
 
-def make_bond_source(model: Model, scheme: Scheme) -> BondSource:
-    """The bonds of a model; with cracks of particles, none breaks by itself."""
-    filling = scheme.fill(model)
-    return StaticBreakage(filling).filling() if model.settings.run.cracks == "particles" else filling
-
-
 def make_crack_particle_growth(
     model: Model, operator: Operator, bond_source: BondSource, conditions: Drive, time_step: float | None
 ) -> Growth | None:
@@ -374,3 +383,94 @@ def make_crack_particle_growth(
     from pdsolve.crack_growth.growth import Growth, every_of  # shapely takes long to import, and few runs need it
 
     return Growth(model, operator, bond_source, conditions, None if time_step is None else every_of(model, time_step))
+
+
+MOST_ALONG_PATH = {2: FACTORED, 3: 10_000}  # free components by dimension: factors of 5800 in space take 0.5 GB
+
+
+def prepare_quasi_static_run(
+    model: Model, options: Options, scheme: Scheme, bonds_may_break: bool = True
+) -> PreparedRun:
+    """A model in load steps, to be solved at rest; `bonds_may_break`: whether its bonds break. Raises ModelError."""
+    grows = bonds_may_break and model.settings.run.cracks == "particles"
+    bonds_may_break = bonds_may_break and not grows
+    if bonds_may_break and uses_softening_path_control(model):
+        return _prepare_softening_equilibrium_path(model, options, scheme)
+    law, all_bonds, static = law_of(model), scheme.fill(model), model.settings.run.static
+    of_families = (
+        bonds_may_break and law.pair is None and any(material.failure != "none" for material in model.materials)
+    )
+    no_fail = StaticBreakage(all_bonds, law.pair)
+    filling = all_bonds if of_families else no_fail.filling()
+    options = options._replace(kernel="listed") if of_families else options
+    bonds, filled = make_operator(model, options, scheme, filling, bonds_are_unbreakable=not of_families)
+    area = filling.area
+    operator, contact = add_quasi_static_contact(model, area, _add_ground_supports(model, area, bonds))
+    driven = drive(model, area, scheme.exact_load, np.float64)
+    driven.force[:] = driven.before[:] = driven.held_force[:] = 0  # nothing acts before the first load step
+    state = operator.to_own_layout(zero_state(*driven.force.shape))
+    flows = any(SOLIDS[material.solid].flows for material in model.materials)
+    method: EquilibriumMethod
+    if static.method == "relaxation":
+        method = DynamicRelaxation(operator, static.tolerance, static.iterations)
+    else:
+        free, most = driven.force.size - len(driven.holds.node), FACTORED_IN[model.grid.dimension]
+        pairs = law.pair is not None and contact is None
+        method = Newton(operator, area, static.tolerance, static.iterations, free, most, pairs, flows)
+    if contact is not None:
+        method = EquilibriumMethodWithContact(method, operator, contact)
+    breakable = no_fail.breakable() if bonds_may_break and law.pair is not None else None
+    breaking = FamilyBonds(cast("BondList", bonds)) if of_families else breakable  # which are listed
+    growth = make_crack_particle_growth(model, bonds, filling, driven, None) if grows else None
+    fatigue, look = model.settings.run.fatigue, growth.look if growth and not uses_crack_length_control(model) else None
+    of = model, operator, driven, area
+    stepper = LoadSteps(*of, method, breaking, None if fatigue else look, bonds.update_history, contact)
+    step = float(model.settings.run.time_step or 0.0)
+    bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), model.rho)
+    system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0)
+    system = replace(system, contact=contact)
+    if growth is not None:
+        system = replace(system, regridder=GrowingCracks(growth))
+    if fatigue is not None and growth is not None:
+        system = replace(system, stepper=ParisSteps(fatigue, operator, stepper, growth))
+    elif fatigue is not None and bonds_may_break:
+        if breakable is None:
+            raise ModelError(f"{model.name}: $.run.fatigue: no bond may break; let some tire")
+        fatigue_steps = BondFatigueSteps(fatigue, operator, stepper, breakable, *filled[1:])
+        system = replace(system, stepper=fatigue_steps)
+    if bonds_may_break and uses_arc_length_control(model):
+        _refuse_body_too_large_for_path(model, driven)
+        arc = ArcLengthSteps(*of, breaking, bonds.update_history, has_plastic_flow=flows)
+        system = replace(system, stepper=arc)
+    if growth is not None and uses_crack_length_control(model):
+        system = replace(system, stepper=CrackLengthSteps(*of, stepper, growth))
+    return PreparedRun(system, state)
+
+
+def _prepare_softening_equilibrium_path(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
+    """A model whose bonds soften, to be followed along its equilibrium path. Raises ModelError."""
+    filling = scheme.fill(model)
+    bonded, filled = make_operator(model, options._replace(kernel="listed"), scheme, filling)
+    area = filling.area
+    operator, contact = add_quasi_static_contact(model, area, _add_ground_supports(model, area, bonded))
+    width = sum(unknown.width for unknown in operator.unknowns)
+    driven = widened(drive(model, area, scheme.exact_load, np.float64), width)
+    _refuse_body_too_large_for_path(model, driven)
+    driven.force[:] = driven.before[:] = driven.held_force[:] = 0
+    state = operator.to_own_layout(zero_state(*driven.force.shape))
+    bonds, ground = softening_of(model, filling.whole(), contact), supports_of(operator)
+    if ground is not None:
+        bonds.stand_on(np.repeat(area, width)[:, None] * ground.tangent(state))
+    stepper = SofteningPathSteps(model, bonded, driven, area, bonds, contact)
+    step = model.settings.run.time_step or 1.0
+    bound = stable_time_step_from_stiffness_bound(operator.stiffness_bound(), model.rho)
+    system = System(model, options, scheme, operator, stepper, driven, *filled, step, bound, 0.0, contact=contact)
+    return PreparedRun(system, state)
+
+
+def _refuse_body_too_large_for_path(model: Model, conditions: Drive) -> None:
+    """Raise ModelError for a body that is too large to be followed along its path."""
+    most, (nodes, width) = MOST_ALONG_PATH[model.grid.dimension], conditions.force.shape
+    if conditions.force.size - len(conditions.holds.node) > most:
+        why = "as the tangent is factored along a path"
+        raise ModelError(f"{model.name}: $.nodes has {nodes} nodes; use at most {most // width}, {why}")

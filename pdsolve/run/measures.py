@@ -18,8 +18,6 @@ from pdsolve.operators.ground_supports import supports_of
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 
-PIECE = 0.02  # of all nodes: smaller parts of a plate do not count as pieces
-
 
 class NodeEnergiesAndBreaks(NamedTuple):
     """Energies and fields of an operator at one state, computed once for all users."""
@@ -27,11 +25,6 @@ class NodeEnergiesAndBreaks(NamedTuple):
     strain_energy_density: NDArray[np.float64]  # (n,) energy in intact bonds, J/m^3
     softening_energy_density: NDArray[np.float64]  # (n,) on softening so far, J/m^3
     broken_bonds: Broken  # all so far
-
-
-def compute_node_energies_and_breaks(system: System, state: State) -> NodeEnergiesAndBreaks:
-    """Energies and fields of the operator at this state."""
-    return NodeEnergiesAndBreaks(*system.operator.energies(state), system.operator.broken())
 
 
 class EnergyBalanceRow(NamedTuple):
@@ -75,18 +68,6 @@ class BalancePart(NamedTuple):
     sums: dict[str, Branches]  # over own nodes, by the name of the entry
 
 
-def compute_energy_balance_row(
-    system: System, state: State, step: int, energies_and_breaks: NodeEnergiesAndBreaks | None = None
-) -> EnergyBalanceRow:
-    """The ledger entry after `step` in one process, in double precision and the nodes' order.
-
-    `energies_and_breaks` is that of this state, if known.
-    """
-    energies_and_breaks = energies_and_breaks or compute_node_energies_and_breaks(system, state)
-    nodes = slice(0, len(system.area)), 0, len(system.area)
-    return join_balance([compute_balance_part(system, state, step, energies_and_breaks, *nodes)], len(system.area))
-
-
 def compute_balance_part(
     system: System,
     state: State,
@@ -107,7 +88,7 @@ def compute_balance_part(
         return BalancePart(EnergyBalanceRow(step, step * system.time_step, **totals, **zone), {})
     summed = dict.fromkeys(("kinetic", "strain", "dissipated", "work", "momentum_x", "momentum_y"), 0.0)
     count = system.broken_bonds_of_removed_nodes + len(broken.step)
-    heat = compute_friction_heat(system, state)
+    heat = 0.0 if system.contact is None else system.contact.friction(state)
     row = EnergyBalanceRow(step, step * system.time_step, broken=count, friction=heat, **summed, **zone)
     with np.errstate(over="ignore", invalid="ignore"):  # of a run that becomes unstable
         values = node_energy_functions(system, state, strain, softened)
@@ -143,11 +124,6 @@ def node_energy_functions(
         "damped": lambda: area * state.damped,
         **{f"momentum_{'xyz'[axis]}": partial(compute_node_momentum, axis) for axis in axes},
     }
-
-
-def compute_friction_heat(system: System, state: State) -> float:
-    """Energy that friction has turned into heat so far, J/m, of a body J."""
-    return 0.0 if system.contact is None else system.contact.friction(state)
 
 
 def compute_node_damage(system: System, broken: Broken | None = None) -> NDArray[np.float64]:
@@ -190,12 +166,6 @@ def compute_output_fields(
             values = {"u": state.value, "v": state.rate, "a": state.second}[name[0]]
             columns[name] = values[:, "xyz".index(name[1])]
     return columns
-
-
-def count_initially_separate_bodies(system: System) -> int:
-    """Number of bodies, which no bond joins from the start."""
-    named = system.model.grid.bodies
-    return 1 if named is None else len(named.names)
 
 
 RIGID = str(RigidBody.__struct_config__.tag)
@@ -256,19 +226,6 @@ def _find_nodes_of_condition(system: System, condition: Selection) -> NDArray[np
     return np.array([lengths(system.model.grid.position - place).argmin()])
 
 
-def compute_condition_forces(
-    conditions: tuple[ForceConditionWithNodes, ...], system: System, state: State, step: int, time: float
-) -> list[ConditionForceRow]:
-    """External force of each grip after `step`.
-
-    A hold balances bonds and loads on its components and provides their acceleration. The acceleration of a prescribed
-    displacement or velocity is taken as 0: only the inertia of the held nodes is neglected while their speed changes.
-    The force of a rigid body is that on what it touches.
-    """
-    sums = add_condition_forces(conditions, system, state, None)
-    return list_condition_force_rows(conditions, system, state, sums, step, time)
-
-
 def add_condition_forces(
     conditions: tuple[ForceConditionWithNodes, ...], system: System, state: State, before: ConditionForceSums | None
 ) -> ConditionForceSums:
@@ -304,7 +261,12 @@ def list_condition_force_rows(
     step: int,
     time: float,
 ) -> list[ConditionForceRow]:
-    """The forces of conditions after `step` from the sums over all their nodes; see `compute_condition_forces`."""
+    """External forces of conditions after `step` from the sums over all their nodes.
+
+    A hold balances bonds and loads on its components and provides their acceleration. The acceleration of a prescribed
+    displacement or velocity is taken as 0: only the inertia of the held nodes is neglected while their speed changes.
+    The force of a rigid body is that on what it touches.
+    """
     reaction_rows, at = [], system.profile_time_or_load_factor(step)
     supports = supports_of(system.operator) if any(grip.condition_kind in GROUND for grip in conditions) else None
     for profile, grip in enumerate(conditions):

@@ -32,15 +32,14 @@ from pdsolve.run.assembly import (
     make_diffusion_stepper,
     options_with_kernel_for_swelling,
     prepare_explicit_motion,
+    prepare_quasi_static_run,
     set_initial_velocity_and_acceleration,
     stable_time_step_from_stiffness_bound,
 )
-from pdsolve.run.at_rest import prepare_quasi_static_run
 from pdsolve.run.cell_splitting import CellSplitting
-from pdsolve.run.node_changes import MovingZone
 from pdsolve.run.ranks_start import prepare_run_on_ranks
 from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone, broken_bonds_by_grid_rows
-from pdsolve.run.system import PreparedRun, System
+from pdsolve.run.system import MovingZone, PreparedRun, System
 from pdsolve.schemes import SCHEMES
 from pdsolve.steppers.euler import ForwardEuler
 
@@ -49,14 +48,17 @@ WORTH_HYBRID = 25_000  # nodes of a plate with a fine zone that moves, were they
 
 def prepare(model: Model, options: Options) -> PreparedRun:
     """A model's bonds and conditions, and its state at time 0. Raises ModelError for an unsupported model."""
-    prepared = _prepare_by_physics_and_adaptivity(
-        choose_adaptivity(model, options) if model.settings.run.adapt == "auto" else model, options
-    )
+    prepared = _prepare_by_physics_and_adaptivity(with_chosen_adaptivity(model, options), options)
     system = prepared.system
     full_model = None if system.full_model is None else counted(system.full_model, system.time_step)
     return prepared._replace(
         system=replace(system, model=counted(system.model, system.time_step), full_model=full_model)
     )
+
+
+def with_chosen_adaptivity(model: Model, options: Options) -> Model:
+    """The model with run.adapt hybrid or none in place of auto."""
+    return choose_adaptivity(model, options) if model.settings.run.adapt == "auto" else model
 
 
 def _prepare_by_physics_and_adaptivity(model: Model, options: Options) -> PreparedRun:

@@ -16,8 +16,7 @@ from pdsolve.numerics.ordered_sums import Branches, branches, total
 from pdsolve.numerics.team import Team
 from pdsolve.operators.stiffness_damping import damped_stable_time_step
 from pdsolve.options import Options
-from pdsolve.ranks.building import built
-from pdsolve.ranks.part import Part, added_up
+from pdsolve.ranks.part import Part, added_up, built
 from pdsolve.run.assembly import (
     assemble_system,
     choose_time_step,
@@ -91,7 +90,7 @@ def prepare_rank_system(
     part: Part = team.part
     model, slab, counted = part.model, part.slab, part.counted
     scheme, kind = SCHEMES[options.mode], np.dtype(options.precision).type
-    driven = drive(model, counted.area, scheme.exact_load, kind, part.own, partial(added_up, team))
+    driven = drive(model, counted.area, scheme.exact_load, kind, part.own_rows, partial(added_up, team))
     if layer_damping_rates is None:
         layer_damping_rates = damping(model) if full_model is None else damping(full_model, slab.begin, slab.end)
     prepared = assemble_system(
@@ -108,8 +107,8 @@ def prepare_rank_system(
     )
     team.subdomain = Subdomain(*prepared, part)
     velocity = initial_velocity(model, prepared.state.value.shape[1])
-    kinetic = (model.rho / 2 * counted.area * (velocity**2).sum(axis=1))[part.own]
-    return RankInitialMotion(branches(kinetic, slab.first, slab.nodes), not velocity[part.own].any())
+    kinetic = (model.rho / 2 * counted.area * (velocity**2).sum(axis=1))[part.own_rows]
+    return RankInitialMotion(branches(kinetic, slab.first, slab.nodes), not velocity[part.own_rows].any())
 
 
 def advance_this_rank(team: Team, first_step: int, end_step: int) -> None:

@@ -4,36 +4,53 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import AbstractContextManager, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from pdmesh import stopping
 from pdmesh.files import FilePath
-from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity, error_of_too_late_fine_zone
+from pdsolve.adaptivity.hybrid.adaptivity_choice import error_of_too_late_fine_zone
 from pdsolve.checks import warn_of_doubtful_conditions, warn_of_model, warn_of_unused
 from pdsolve.codegen.compile_time import compile_seconds, processor_kind, running_time
 from pdsolve.conditions import has_initial_displacement
-from pdsolve.errors import FineZoneTooLateError, UnstableError
-from pdsolve.model import Model, model_of, on_device
+from pdsolve.errors import CheckpointError, FineZoneTooLateError, UnstableError
+from pdsolve.model import Model, ModelError, model_of, on_device
 from pdsolve.numerics.memory import give_back
 from pdsolve.numerics.team import Team
 from pdsolve.options import Options
 from pdsolve.rest.equilibrium import NotConvergedError
-from pdsolve.results import Behind, Results, ResultsError, Writer, behind, is_empty, put_away, writing_to
-from pdsolve.run import resuming, zone_restarts
-from pdsolve.run.after_path import (
+from pdsolve.results import (
+    Behind,
+    Results,
+    ResultsError,
+    ResultsWarning,
+    Writer,
+    behind,
+    gone_back,
+    is_empty,
+    put_away,
+    writing_to,
+)
+from pdsolve.run import zone_restarts
+from pdsolve.run.initial_states import (
+    apply_initial_displacements,
     needs_motion_after_path,
     prepare_motion_after_equilibrium_path,
     results_file_of_motion_after_equilibrium_path,
+    start_in_static_equilibrium,
 )
-from pdsolve.run.initial_states import apply_initial_displacements, start_in_static_equilibrium
-from pdsolve.run.prepare import prepare
-from pdsolve.run.recorder import HistoryUntilCheckpoint, Recorder
-from pdsolve.run.result_warnings import warn_of_broken_bonds_outside_finest_zone, warn_of_unresolved_contact_width
-from pdsolve.run.system import RefinementThresholdFromStep, Regridder, System, next_multiple
+from pdsolve.run.motion_checks import warn_of_broken_bonds_outside_finest_zone, warn_of_unresolved_contact_width
+from pdsolve.run.prepare import prepare, with_chosen_adaptivity
+from pdsolve.run.recorder import BATCH, HistoryUntilCheckpoint, Recorder
+from pdsolve.run.subdomain import Subdomain, restore_all_ranks, team_of
+from pdsolve.run.system import NODES_STAY, RefinementThresholdFromStep, Regridder, System, next_multiple
 from pdsolve.state import State
 from pdsolve.stepper import LoadStepProgress
 from pdsolve.zone.summary import ZoneSummary
@@ -98,7 +115,7 @@ def simulate(
     """
     job = Job(None if output is None else Path(output), watch, provenance, adapt, compile_seconds())
     with _lock_output(job.output):
-        results = _solve(Stage(_begin, _with_chosen_adaptivity(model, options), options), job)
+        results = _solve(Stage(_begin, with_chosen_adaptivity(model, options), options), job)
     return _solve_motion_after_equilibrium_path_if_asked(results, job, options.threads)
 
 
@@ -149,10 +166,6 @@ def _lock_output(output: Path | None) -> AbstractContextManager[None]:
     return nullcontext() if output is None else writing_to(output)
 
 
-def _with_chosen_adaptivity(model: Model, options: Options) -> Model:
-    return choose_adaptivity(model, options) if model.settings.run.adapt == "auto" else model
-
-
 def _solve(stage: Stage, job: Job) -> Results:
     """Results of a run; where fine cells come too late, it goes back, and makes them fine earlier."""
     while True:
@@ -186,7 +199,7 @@ def _restore(stage: Stage, job: Job) -> OpenRun:
     """Go on from the last checkpoint of the run in the output."""
     assert job.output is not None
     with Results.open(job.output) as results:
-        recorder = resuming.make_resumed_recorder(results, stage.model, stage.options, job.regridder)
+        recorder = make_resumed_recorder(results, stage.model, stage.options, job.regridder)
         files = recorder.open_further_rank_databases(job.output, results.pieces)
     metadata = zone_restarts.refinement_threshold_metadata(stage.refinement_thresholds)
     metadata |= {"processor": processor_kind()}
@@ -208,7 +221,7 @@ def _open_new_run(
     job: Job,
 ) -> OpenRun:
     """Open the records of a run that is not in the output yet; `past` is the path that a motion follows."""
-    recorder = Recorder(dataclasses.replace(system, regridder=job.regridder or system.regridder), state, past)
+    recorder = Recorder(_with_regridder(system, job.regridder), state, past)
     recorder.open_rank_databases(job.output)
 
     def make_new_writer() -> Writer:
@@ -218,6 +231,16 @@ def _open_new_run(
         return recorder.make_database_writer(job.output, metadata)
 
     return recorder, make_new_writer
+
+
+def _with_regridder(system: System, regridder: Regridder | None) -> System:
+    """The system whose nodes a caller's regridder changes. Raises ModelError where the model has changes of its own."""
+    if regridder is None:
+        return system
+    if system.regridder is not NODES_STAY:
+        setting = "run.cracks" if system.model.settings.run.cracks == "particles" else "run.adapt"
+        raise ModelError(f"{system.model.name}: adapt changes nodes, and $.{setting} bonds or nodes; use one of both")
+    return dataclasses.replace(system, regridder=regridder)
 
 
 def _resume_unless_finished(job: Job, options: Options, device: str | None) -> Results:
@@ -242,11 +265,11 @@ def _read_stage(output: Path, job: Job, options: Options, device: str | None) ->
     with Results.open(output) as results:
         results.verify()
         model, meta, has_checkpoint = model_of(results.model(), str(output)), results.meta(), results.has_checkpoint()
-    resuming.warn_of_other_processor(output, meta)
+    warn_of_other_processor(output, meta)
     model = model if device is None else on_device(model, device)
     options = options_from_metadata(model, meta, options.threads)._replace(team=options.team)
     thresholds = zone_restarts.read_refinement_thresholds(meta, output)
-    model = _with_chosen_adaptivity(model, options)
+    model = with_chosen_adaptivity(model, options)
     stage = Stage(_restore if has_checkpoint else _begin, model, options, thresholds)
     return stage, job._replace(provenance=meta["provenance"])
 
@@ -401,3 +424,97 @@ class StepBatchTimer:
 
 
 __all__ = ["NotConvergedError", "Options", "Progress", "UnstableError", "prepare", "resume", "simulate"]
+
+
+def make_resumed_recorder(results: Results, model: Model, options: Options, adaptation: Regridder | None) -> Recorder:
+    """The records of a run that goes on; `adaptation` changes its nodes, if not what its model asks for.
+
+    Raises ResultsError for results of another version, or of a run with another adaptation, and ModelError.
+    """
+    output, meta, (step, checkpoint) = Path(results.name), results.meta(), results.checkpoint()
+    with stopping.patience(stopping.AT_ONCE):
+        one_file = 0 if results.pieces else len(model.grid)
+        system, state = prepare(model, options._replace(one_file=one_file) if options.team else options)
+    if system.moving_zone_operator is None and not checkpoint.keys() >= set(State._fields):
+        raise ResultsError(f"{output} has a checkpoint that only {meta['program']} reads; solve it anew")
+    if float(meta["time_step"]) != system.time_step or not has_same_bonds(system, state, results):
+        raise ResultsError(
+            f"{output} is of a run by {meta['program']} with a step of {meta['time_step']:.6g} s, and this version has"
+            f" other bonds or a step of {system.time_step:.6g} s; solve it anew"
+        )
+    system = _with_regridder(system, adaptation)
+    changes = system.regridder.nodes_may_change
+    if changes != ("ids" in checkpoint):
+        words = ("stay", "may change") if changes else ("may change", "stay")
+        raise ResultsError(f"{output}: its nodes {words[0]}, and here they {words[1]}; resume it as it began")
+    breaks, node_count, rows = results.breaks(), len(system.model.grid), None
+    if changes:
+        with gone_back(output):
+            regridder = system.regridder
+            system, state = regridder.create_system_with_checkpoint_nodes(system, checkpoint)
+            system = dataclasses.replace(system, regridder=regridder)
+        lives = results.lives()
+        rows, node_count = lives.at(system.model.grid.ids, step), int((lives.birth <= step).sum())
+        if not np.array_equal(lives.nodes.family[rows], system.family_sizes) or (rows < 0).any():
+            raise ResultsError(f"{output} has other nodes than this version's at step {step}; solve it anew")
+    with gone_back(output):
+        if step > model.settings.run.steps:
+            raise CheckpointError(f"step is {step}; the run has {model.settings.run.steps}")
+        restore_all_ranks(team_of(system, state), system, step, checkpoint, breaks)
+        until = breaks.step[breaks.step <= step]
+        removed = len(until) - len(system.operator.broken().step) if changes else 0
+        energy = float(meta.get("initial_energy", 0.0))  # results of diffusion have none
+        system = dataclasses.replace(system, broken_bonds_of_removed_nodes=removed, initial_energy=energy)
+        wall, updates = float(meta.get("wall_time", 0.0)), results.bond_updates(step)
+        past = HistoryUntilCheckpoint(step, wall, updates, int(until.max(initial=0)), rows, node_count, results)
+        return Recorder(system, state, past)
+
+
+def warn_of_other_processor(output: Path, meta: Mapping[str, Any]) -> None:
+    """Warn if a run goes on on another kind of processor, where sums round otherwise."""
+    before, processor = meta.get("processor"), processor_kind()
+    if before is not None and before != processor:
+        words = (
+            f"{output}: begun on a processor of kind {before}, goes on on {processor}: not bit-identical, sums round"
+            " anew"
+        )
+        warnings.warn(words, ResultsWarning, stacklevel=2)
+
+
+def has_same_bonds(system: System, state: State, results: Results) -> bool:
+    """Whether the nodes of a database have the families of this system at its start."""
+    team, nodes = team_of(system, state), len(system.model.grid)
+    for first, family_sizes, cut_bond_counts in _initial_families(system, results):
+        if first + len(family_sizes) > nodes:
+            return False
+        nodes_left = nodes - first - len(family_sizes)
+        if not all(team.everywhere(_rank_has_same_bonds, first, family_sizes, cut_bond_counts)):
+            return False
+    return nodes_left == 0
+
+
+def _initial_families(system: System, results: Results) -> Iterator[tuple[int, NDArray[np.int64], NDArray[np.int64]]]:
+    """Row by row what a database says of nodes at the start: a first row, bonds that count, and those cut; of many
+    ranks some at a time."""
+    if system.ranks is None:
+        initial = results.nodes(0)
+        yield 0, initial.family, initial.cut
+        return
+    for first in range(0, max(results.count("node") or 0, 1), BATCH):
+        yield first, *results.bonded(first, first + BATCH)
+
+
+def _rank_has_same_bonds(
+    team: Team, first_row: int, family_sizes: NDArray[np.int64], cut_bond_counts: NDArray[np.int64]
+) -> bool:
+    """Whether own nodes among the rows from the first on have these families."""
+    subdomain: Subdomain = team.subdomain
+    system, own_rows, offset = subdomain.system, subdomain.own_rows, first_row - subdomain.begin
+    rows = slice(max(own_rows.start, offset), min(own_rows.stop, offset + len(family_sizes)))
+    if rows.start >= rows.stop:
+        return True
+    entries = slice(rows.start - offset, rows.stop - offset)
+    cut = system.family_sizes[rows] - system.initial_bond_counts[rows]
+    return np.array_equal(system.family_sizes[rows], family_sizes[entries]) and np.array_equal(
+        cut, cut_bond_counts[entries]
+    )

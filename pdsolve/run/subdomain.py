@@ -22,13 +22,13 @@ from pdsolve.ranks import part as parts
 from pdsolve.ranks.part import Part
 from pdsolve.ranks.part import broken as broken_of_part
 from pdsolve.results import Breaks
-from pdsolve.run.inversion_checks import InversionAndPrecisionChecks
 from pdsolve.run.measures import ForceConditionWithNodes, NodeEnergiesAndBreaks, list_force_conditions_with_nodes
+from pdsolve.run.motion_checks import InversionAndPrecisionChecks
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State, zero_state
 
 if TYPE_CHECKING:
-    from pdsolve.run.frames import RankDatabase
+    from pdsolve.run.recorder import RankDatabase
 
 UNKNOWN = -1  # step of a state of which nothing has been asked
 
@@ -47,9 +47,9 @@ class Subdomain:
         self._energies_and_breaks: NodeEnergiesAndBreaks
 
     @property
-    def own(self) -> slice:
+    def own_rows(self) -> slice:
         """The rank's own nodes, among those of its system."""
-        return slice(0, len(self.system.family_sizes)) if self.part is None else self.part.own
+        return slice(0, len(self.system.family_sizes)) if self.part is None else self.part.own_rows
 
     @property
     def begin(self) -> int:
@@ -70,7 +70,7 @@ class Subdomain:
     @cached_property
     def force_conditions(self) -> tuple[ForceConditionWithNodes, ...]:
         """Conditions with forces, and their own nodes."""
-        return list_force_conditions_with_nodes(self.system, self.own)
+        return list_force_conditions_with_nodes(self.system, self.own_rows)
 
     @cached_property
     def motion_checks(self) -> InversionAndPrecisionChecks:
@@ -122,14 +122,14 @@ def team_of(system: System, state: State) -> Team:
     return team
 
 
-HELD = "held_force"  # the one array that goes neither by nodes nor by bonds
+HELD_FORCE = "held_force"  # the one array that goes neither by nodes nor by bonds
 Columns = list[NDArray[Any]]  # those of one name; several, each of some rows, where rows go by condition
 
 
 def make_checkpoint(system: System, state: State) -> dict[str, NDArray[Any]]:
     """A copy of everything a resumed run needs to continue bit by bit, except the broken bonds."""
     of_bonds = dict(system.operator.checkpoint_arrays())  # before the state, which it may bring up to date
-    arrays = {HELD: system.drive.held_force}
+    arrays = {HELD_FORCE: system.drive.held_force}
     if system.moving_zone_operator is None:  # whose operator has the state
         arrays |= state._asdict()
     arrays |= system.stepper.checkpoint_arrays()
@@ -162,10 +162,10 @@ def make_own_checkpoint(subdomain: Subdomain) -> dict[str, Columns]:
     arrays, part = make_checkpoint(subdomain.system, subdomain.state), subdomain.part
     if part is None:
         return {name: [values] for name, values in arrays.items()}
-    held_force = arrays.pop(HELD)
+    held_force = arrays.pop(HELD_FORCE)
     own_arrays = parts.own_checkpoint_arrays(part, arrays)
     return {
-        HELD: [held_force[rows] for rows in _prescribed_components_by_condition(subdomain)],
+        HELD_FORCE: [held_force[rows] for rows in _prescribed_components_by_condition(subdomain)],
         **{name: [np.array(values)] for name, values in own_arrays.items()},
     }
 
@@ -186,14 +186,14 @@ def restore_all_ranks(team: Team, system: System, step: int, checkpoint: Checkpo
     nodes, slabs = len(system.model.grid), system.ranks.slabs
     past = _find_broken_bonds(system.model.grid, checkpoint, step, breaks)
     counts = np.array(team.everywhere(_count_prescribed_components)).T  # of each condition and axis, by rank
-    held_force = entry(checkpoint, HELD, (int(counts.sum()),), np.float64)
+    held_force = entry(checkpoint, HELD_FORCE, (int(counts.sum()),), np.float64)
     ends = np.concatenate([[0], np.cumsum(counts.ravel())])
     held_runs = [held_force[first:last] for first, last in pairwise(ends)]
     of_bonds = {name: values for name, values in checkpoint.items() if parts.is_of_bonds(checkpoint, name)}
     of_nodes = {
         name: entry(checkpoint, name, (nodes, None), values.dtype)
         for name, values in checkpoint.items()
-        if name not in of_bonds and name != HELD
+        if name not in of_bonds and name != HELD_FORCE
     }
     shares = [
         (held_runs[rank :: team.size], {name: values[slab.begin : slab.end] for name, values in of_nodes.items()})
@@ -217,7 +217,7 @@ def _restore_rank(
     for rows, values in zip(_prescribed_components_by_condition(subdomain), held_runs, strict=True):
         held_force[rows] = values
     window, broken = parts.of_window(team.part, {**of_bonds, **of_nodes}, past)
-    _restore(subdomain.system, subdomain.state, step, {**window, HELD: held_force}, broken)
+    _restore(subdomain.system, subdomain.state, step, {**window, HELD_FORCE: held_force}, broken)
 
 
 def restore_state(
@@ -249,7 +249,7 @@ def _restore(system: System, state: State, step: int, checkpoint: CheckpointArra
     if system.moving_zone_operator is None:  # which has gone back with its state, and before its nodes were known
         for name, values in state._asdict().items():
             values[:] = like(checkpoint, name, values)
-    system.drive.held_force[:] = like(checkpoint, HELD, system.drive.held_force)
+    system.drive.held_force[:] = like(checkpoint, HELD_FORCE, system.drive.held_force)
     if system.moving_zone_operator is None:
         system.operator.restore(checkpoint, past)
     for prepared in system.coupled_runs:

@@ -30,7 +30,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.graphs import tree_of
 from pdmesh.model.lattice_calibration import (
     NO_SHELLS,
     Calibration,
@@ -41,7 +40,7 @@ from pdmesh.model.lattice_calibration import (
 )
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import BONDS_NU, C11, C66, STIFFNESS, critical_stretch, micromodulus
-from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks, tree_of
 from pdmesh.model.visibility import sight_of
 from pdsolve.bonds.assembly import BondSource, Paired, Part, areas, part_of
 from pdsolve.conditions import unbreakable

@@ -22,9 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Acceleration, Displacement, Load, Velocity
-from pdmesh.model.graphs import tree_of
 from pdmesh.model.load_resultants import shares_of
-from pdmesh.model.neighbours import row_chunks
+from pdmesh.model.neighbours import row_chunks, tree_of
 from pdmesh.model.selection import components
 from pdsolve.bonds.assembly import BondSource, Part
 from pdsolve.conditions import is_corrected

@@ -21,7 +21,7 @@ from pdmesh import Body, SceneError, UntrustedError, build_file, file_parameters
 from pdmesh.file_kinds import MESHES
 from pdmesh.model import contradictions
 from pdmesh.model.document import GridError, Material, Medium, Settings, in_steps, read_file, settings_of
-from pdmesh.model.graphs import connected
+from pdmesh.model.neighbours import connected
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.possible import impossible
 from pdmesh.model.settings_overlay import overlaid

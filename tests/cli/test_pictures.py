@@ -16,13 +16,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from messages import mentions, naming
+from new_databases import create_writer
 from tampered_databases import tampered
 
 from pdpost.__main__ import main
 from pdpost.commands import pictures
 from pdpost.figures import frames_figure, style
 from pdsolve.measures.fields import FIELDS
-from pdsolve.results import Families, Nodes, Results, Writer
+from pdsolve.results import Families, Nodes, Results
 
 PICTURES = ("damage", "displacement", "velocity", "strain", "stress", "nodes", "bonds")
 
@@ -315,7 +316,7 @@ def spoilt(good: Path, what: str) -> tuple[Path, str]:
         one = np.array([1])
         nodes = Nodes(one, np.zeros((1, 2)), np.ones(1), np.ones(1), one, one)
         alone = Families(np.array([0, 0]), np.zeros(0, dtype=np.int64))
-        Writer.create(path, nodes, lambda first, last: alone, np.empty((0, 4)), {"time_step": 1.0}).close("running")
+        create_writer(path, nodes, lambda first, last: alone, np.empty((0, 4)), {"time_step": 1.0}).close("running")
         return path, "no frame yet"
     path.write_bytes(data)
     return path, "database is locked"

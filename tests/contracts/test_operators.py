@@ -19,6 +19,7 @@ from plates import GLASS, plate
 from scipy.sparse.linalg import eigs
 from zoned_plates import H, rectangle
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh import Body, Box, build
 from pdmesh.model.document import Collocation, InitialVelocity, Region, Run, Split
 from pdmesh.model.node_grid import Grid
@@ -34,7 +35,6 @@ from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.together import Together
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 from pdsolve.schemes import average_horizon

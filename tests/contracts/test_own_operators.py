@@ -12,14 +12,15 @@ from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 from scipy.sparse import csr_array, diags_array
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import InitialVelocity
 from pdsolve.conditions import drive_of, entries
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.operators.together import Together
 from pdsolve.options import Options
-from pdsolve.run.fragments import count_fragments
-from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
+from pdsolve.run.measures import compute_node_damage
 from pdsolve.run.prepare import prepare
+from pdsolve.run.recorder import count_fragments
 from pdsolve.run.subdomain import team_of
 from pdsolve.run.system import PreparedRun
 from pdsolve.state import Broken, State, Unknown

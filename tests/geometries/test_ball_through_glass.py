@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from plates import shipped
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from plates import GEOMETRIES, shipped
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 
 SPEEDS = (0.8, 0.9, 1.0, 1.05, 1.1, 1.2)  # m/s: of each half; 1 m/s is the scene's own

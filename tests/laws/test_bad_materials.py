@@ -12,11 +12,11 @@ import pytest
 from messages import naming
 from plates import GLASS, plate, square_grid
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Run, Velocity, write_file
 from pdmesh.model.node_grid import document_of
 from pdsolve.__main__ import main
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 
 FAMILY = ["material.model=correspondence", "material.nu=0.2"]

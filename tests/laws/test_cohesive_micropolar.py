@@ -13,6 +13,7 @@ from messages import naming
 from plates import plate, square_grid
 from static_solution import strip
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.cohesive_softening import AREA
 from pdmesh.model.document import Displacement, Material, Region, Run, Static
 from pdsolve.laws import law_of
@@ -20,7 +21,6 @@ from pdsolve.model import Model, ModelError
 from pdsolve.operators.softening_shear import SofteningShear
 from pdsolve.options import Options
 from pdsolve.rest.continuation import SofteningPathSteps
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
 from pdsolve.run.system import PreparedRun

@@ -8,10 +8,10 @@ import pytest
 from messages import naming
 from plates import GLASS, plate, square_grid
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import InitialVelocity, Run
 from pdsolve.model import ModelError
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 

@@ -13,10 +13,10 @@ from failure_cases import Said
 from messages import mentions
 from plates import plate, square_grid
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Contact, Run, Velocity
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 
 DELTA = 2.0**-10  # m: of a kind that sums without rounding

@@ -14,11 +14,11 @@ from plates import GLASS, plate, square_grid
 from scipy.sparse.linalg import spsolve
 from system_checks import at_step, matrix
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Region, Run
 from pdsolve.estimate import estimate_run
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 

@@ -11,9 +11,9 @@ from messages import naming
 from plates import GLASS, plate, two_scale_grid
 from system_checks import matrix
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import InitialVelocity, Run
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import UnstableError, simulate
 from pdsolve.run.system import PreparedRun

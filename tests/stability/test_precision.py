@@ -11,11 +11,12 @@ from failure_cases import saying
 from messages import mentions
 from plates import plate, square_grid
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.amounts import pair_count
 from pdmesh.model.document import InitialVelocity, Load, Run
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row, compute_node_damage
+from pdsolve.run.measures import compute_node_damage
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 from pdsolve.run.system import PreparedRun

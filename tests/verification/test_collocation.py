@@ -19,6 +19,7 @@ from collocation_plates import (
 )
 from messages import naming
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Collocation, Run
 from pdsolve.adaptivity.collocation.engine import CollocationEngine
 from pdsolve.adaptivity.collocation.layout import dilate_mask
@@ -27,7 +28,6 @@ from pdsolve.adaptivity.collocation.zone import BETWEEN, COARSE, FINE
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.errors import UnstableError
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.zone.springs import create_fine_springs
 

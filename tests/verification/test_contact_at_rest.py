@@ -12,6 +12,7 @@ from contact_bars import UNIT, grid_of
 from messages import naming
 from numpy.typing import NDArray
 
+from benchmarks.balance_rows import compute_condition_forces, compute_energy_balance_row
 from pdmesh import Run, Scene, Static, box, build, ramp
 from pdmesh.model.document import AnyCondition, Displacement, Load, Settings
 from pdmesh.model.mechanical_conditions import Contact
@@ -19,12 +20,7 @@ from pdmesh.model.node_grid import Bodies, Grid
 from pdsolve import Results
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.contact.at_rest import RestingContact
-from pdsolve.run.measures import (
-    EnergyBalanceRow,
-    compute_condition_forces,
-    compute_energy_balance_row,
-    list_force_conditions_with_nodes,
-)
+from pdsolve.run.measures import EnergyBalanceRow
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.run.system import PreparedRun
@@ -52,7 +48,7 @@ def taken(model: Model) -> tuple[PreparedRun, Array, EnergyBalanceRow]:
     system, state = prepared = prepare(model, Options(threads=1))
     steps = system.model.settings.run.steps
     prepared.advance(1, steps + 1)
-    found = compute_condition_forces(list_force_conditions_with_nodes(system), system, state, steps, 1.0)
+    found = compute_condition_forces(system, state, steps, 1.0)
     return (
         prepared,
         np.array([[one.force_x, one.force_y, one.force_z] for one in found]),
@@ -171,7 +167,7 @@ def test_bodies_that_soften_rest_alike_before_they_do(friction: float) -> None:
         )
         system, state = prepared = prepare(Model(grid, settings), Options(threads=1))
         prepared.advance(1, 2)
-        pushed = compute_condition_forces(list_force_conditions_with_nodes(system), system, state, 1, 1.0)[0].force_y
+        pushed = compute_condition_forces(system, state, 1, 1.0)[0].force_y
         found.append(
             (pushed, *state.value[32:40, 1].tolist(), compute_energy_balance_row(system, state, 1).balance_error(0.0))
         )

@@ -11,6 +11,7 @@ import pytest
 from plates import GLASS, plate, square_grid, two_scale_grid
 from system_checks import at_step, broken, equilibrium
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import (
     Acceleration,
     AnyCondition,
@@ -22,7 +23,6 @@ from pdmesh.model.document import (
     Velocity,
 )
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 

@@ -10,13 +10,13 @@ import pytest
 from messages import mentions
 from plates import GLASS, plate, square_grid
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Load, Run
 from pdsolve.model import Model
 from pdsolve.operators.together import unwrap_bond_operator
 from pdsolve.options import Options
+from pdsolve.run.accounts import instability_message
 from pdsolve.run.assembly import compute_stable_time_step_of_intact_bonds
-from pdsolve.run.energy_accounts import instability_message
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from plates import GLASS, plate
 from zoned_plates import H, pulse, rectangle, slope, zoned
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Load, Run
 from pdsolve.adaptivity.hybrid import far_cells
 from pdsolve.measures.cracked_nodes import damage_with_pre_cracks_at
@@ -20,10 +21,9 @@ from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
 from pdsolve.results import Results
-from pdsolve.run.measures import compute_energy_balance_row
-from pdsolve.run.node_changes import create_system_if_zone_changed
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
+from pdsolve.run.system import create_system_if_zone_changed
 from pdsolve.zone.cells import BORDER, FAR, FINE
 
 UNBREAKABLE = msgspec.structs.replace(GLASS, G0=1e12)

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from contact_bars import UNIT, grid_of
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Displacement, Load, Settings
 from pdmesh.model.mechanical_conditions import Contact
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
+from pdsolve.run.measures import EnergyBalanceRow
 from pdsolve.run.prepare import prepare
 
 H, G, DURATION = 0.02, 1e-5, 60.0  # m, m/s^2, s

@@ -11,17 +11,17 @@ import pytest
 from database_contents import contents
 from numpy.typing import NDArray
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh import Circle, Material, Medium, Run, Scene, box, build
 from pdsolve.estimate import estimate_run
 from pdsolve.model import Model, ModelWarning
 from pdsolve.options import Options
 from pdsolve.results import Results
-from pdsolve.run.measures import compute_energy_balance_row, compute_output_fields
-from pdsolve.run.node_changes import create_system_if_zone_changed
+from pdsolve.run.measures import compute_output_fields
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
 from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone, broken_bonds_by_grid_rows
-from pdsolve.run.system import PreparedRun
+from pdsolve.run.system import PreparedRun, create_system_if_zone_changed
 from pdsolve.zone.cells import COARSE, FINE
 
 pytestmark = pytest.mark.slow  # kernels of plates that swell take long to compile

@@ -8,16 +8,16 @@ import pytest
 from plates import GLASS, plate
 from zoned_plates import STEEL, again, rectangle, struck
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Displacement, InitialVelocity, Load, Run
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.conditions import initial_velocity
 from pdsolve.model import Model
 from pdsolve.numerics.thread_team import cores
 from pdsolve.options import Options
-from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
-from pdsolve.run.node_changes import create_system_if_zone_changed
+from pdsolve.run.measures import EnergyBalanceRow
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import PreparedRun
+from pdsolve.run.system import PreparedRun, create_system_if_zone_changed
 from pdsolve.zone.cells import COARSE, FINE
 
 

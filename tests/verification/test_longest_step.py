@@ -15,9 +15,9 @@ import numpy as np
 import pytest
 from plates import GLASS, plate, square_grid
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Displacement, Load, Run
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 
 CONDITIONS = (

@@ -21,7 +21,7 @@ from pdsolve.options import Options
 from pdsolve.rest.equilibrium import EquilibriumConditions
 from pdsolve.rest.newton import Newton
 from pdsolve.rest.static_loads import model_with_load_steps
-from pdsolve.run.at_rest import prepare_quasi_static_run
+from pdsolve.run.assembly import prepare_quasi_static_run
 from pdsolve.run.prepare import select_scheme
 
 ONE = Options(threads=1)

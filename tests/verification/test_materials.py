@@ -9,6 +9,7 @@ from periodic_plates import joined
 from plates import GLASS, plate, square_grid
 from system_checks import bonds_of, equilibrium, matrix, sources
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Material, Region
 from pdmesh.model.lattice_calibration import calibration
 from pdmesh.model.material_constants import critical_stretch
@@ -18,7 +19,6 @@ from pdsolve.laws.law import Sizes
 from pdsolve.laws.pair_laws import brittle
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.schemes import average_horizon
 

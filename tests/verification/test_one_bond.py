@@ -10,9 +10,9 @@ import pytest
 from plates import GLASS, plate, square_grid
 from system_checks import bonds_of, broken, forces, worst
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Displacement, Material, Run
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 

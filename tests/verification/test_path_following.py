@@ -24,7 +24,7 @@ from pdsolve.model import Model, ModelWarning
 from pdsolve.operators.softening_bonds import SofteningBonds
 from pdsolve.rest.continuation import SofteningPathSteps
 from pdsolve.results import Results, ResultsError
-from pdsolve.run.after_path import results_file_of_motion_after_equilibrium_path
+from pdsolve.run.initial_states import results_file_of_motion_after_equilibrium_path
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, resume, simulate
 from pdsolve.schemes import SCHEMES

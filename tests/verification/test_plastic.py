@@ -14,13 +14,13 @@ from database_contents import contents
 from messages import mentions, naming
 from plates import GLASS, plate, square_grid
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Displacement, Load, Run, Static
 from pdmesh.model.node_grid import Grid
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.rest.equilibrium import NotConvergedError, force_densities
 from pdsolve.rest.static_loads import model_with_load_steps
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
 from pdsolve.run.system import PreparedRun

@@ -25,7 +25,7 @@ from pdsolve.rest.load_steps import LoadSteps
 from pdsolve.rest.newton import Newton
 from pdsolve.rest.relaxation import DynamicRelaxation, smallest_stable_mass
 from pdsolve.rest.static_loads import model_with_load_steps
-from pdsolve.run.at_rest import prepare_quasi_static_run
+from pdsolve.run.assembly import prepare_quasi_static_run
 from pdsolve.run.system import PreparedRun
 from pdsolve.schemes import SCHEMES
 from pdsolve.schemes.average_horizon import Corrections, fill

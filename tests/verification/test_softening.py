@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from plates import plate, square_grid
 from shapely import Point, box
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh import Scene, build, ramp
 from pdmesh.model.document import Displacement, Material, Region, Run, Static, Velocity
 from pdmesh.model.material_constants import dimension_of
@@ -18,7 +19,6 @@ from pdmesh.model.node_grid import Grid
 from pdsolve.measures.frame_steps import vector
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 

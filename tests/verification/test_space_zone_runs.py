@@ -10,6 +10,7 @@ import pytest
 from database_contents import contents, kill_when
 from zoned_blocks import GLASS, block
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh import Body, Box, Run, build
 from pdmesh.model.document import InitialVelocity, Velocity, write_file
 from pdmesh.model.node_grid import document_of
@@ -17,7 +18,6 @@ from pdsolve.__main__ import main as pdsolve
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.results import Results
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import simulate
 

@@ -10,12 +10,13 @@ import pytest
 from database_contents import contents, kill_when
 from plates import plate, square_grid
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import InitialVelocity, Load, Run, Split, write_file
 from pdmesh.model.node_grid import document_of
 from pdsolve.model import Model, read_model
 from pdsolve.results import Results
 from pdsolve.run.cell_splitting import expect_quadtree_operator
-from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
+from pdsolve.run.measures import EnergyBalanceRow
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import Options, Progress, resume, simulate
 from pdsolve.run.system import System

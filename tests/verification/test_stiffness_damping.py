@@ -12,11 +12,11 @@ from plates import plate, square_grid
 from scipy.sparse import diags_array
 from scipy.sparse.linalg import eigsh
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Run
 from pdsolve.model import Model, ModelError
 from pdsolve.operators.stiffness_damping import damped_stable_time_step
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 

@@ -19,8 +19,8 @@ from pdsolve.measures.tips import crack_branches, find_forks
 from pdsolve.model import Model, read_model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
+from pdsolve.run.progress import format_summary_lines
 from pdsolve.run.simulation import simulate
-from pdsolve.run.summary_lines import format_summary_lines
 
 ORDINARY = Material(E=65e9, rho=2235.0, G0=204.0, nu=0.2, model="ordinary")
 BILINEAR = Material(E=65e9, rho=2235.0, G0=204.0, law="bilinear", kr=2.0)

@@ -6,6 +6,7 @@ import msgspec
 import numpy as np
 import pytest
 
+from benchmarks.balance_rows import compute_condition_forces, compute_energy_balance_row
 from pdmesh import Body, Box, Material, Run, Scene, box, build
 from pdmesh.model.document import (
     Acceleration,
@@ -20,15 +21,9 @@ from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.initial_states import apply_initial_displacements
-from pdsolve.run.measures import (
-    EnergyBalanceRow,
-    compute_condition_forces,
-    compute_energy_balance_row,
-    list_force_conditions_with_nodes,
-)
-from pdsolve.run.node_changes import create_system_if_zone_changed
+from pdsolve.run.measures import EnergyBalanceRow
 from pdsolve.run.prepare import prepare
-from pdsolve.run.system import PreparedRun
+from pdsolve.run.system import PreparedRun, create_system_if_zone_changed
 from pdsolve.zone.cells import COARSE, FINE, lattice_coordinates, place_number_at
 
 H, G, RHO, DT = 1e-3, 9.81e4, 2235.0, 1e-7  # m, m/s^2, kg/m^3, s
@@ -127,7 +122,7 @@ def test_a_side_may_be_moved_by_any_profile(dimension: int, kind: type[Displacem
             run = PreparedRun(*change[:2])
             assert len(run.state.value) > before + 5
         row, (system, state) = balance_row(run, 40), run
-        (force,) = compute_condition_forces(list_force_conditions_with_nodes(system), system, state, 40, 40 * DT)
+        (force,) = compute_condition_forces(system, state, 40, 40 * DT)
         assert abs(row.balance_error(system.initial_energy)) < 0.01
         found.append((row.work, row.momentum_x, force.force_x))
     np.testing.assert_allclose(*found, rtol=0.02)
@@ -192,7 +187,7 @@ def test_a_body_on_springs_everywhere_swings_as_one(dimension: int) -> None:
     np.testing.assert_allclose(state.value[:, 0], swung, rtol=1e-9)
     row, volume = balance_row(PreparedRun(system, state), steps), system.area.sum()
     assert row.strain == pytest.approx(volume * stiffness * swung**2 / 2, rel=1e-9)
-    (force,) = compute_condition_forces(list_force_conditions_with_nodes(system), system, state, steps, steps * DT)
+    (force,) = compute_condition_forces(system, state, steps, steps * DT)
     assert force.force_x == pytest.approx(-volume * stiffness * swung, rel=1e-9)
     assert abs(row.balance_error(system.initial_energy)) < 0.01
 
@@ -209,7 +204,7 @@ def test_a_bed_below_carries_as_with_fine_nodes_everywhere(dimension: int) -> No
         run.advance(1, 121)
         system, state = run
         row = balance_row(run, 120)
-        force, _ = compute_condition_forces(list_force_conditions_with_nodes(system), system, state, 120, 120 * DT)
+        force, _ = compute_condition_forces(system, state, 120, 120 * DT)
         assert abs(row.balance_error(system.initial_energy)) < 0.01
         found.append((row.work, row.strain, force.force_x))
         if adapt == "hybrid":

@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.graphs import tree_of
 from pdmesh.model.material_constants import C11, critical_stretch
-from pdmesh.model.neighbours import ROUND_OFF
+from pdmesh.model.neighbours import ROUND_OFF, tree_of
 from pdsolve.adaptivity.quadtree.tree import Quadtree, QuadtreeCells
 from pdsolve.bonds.assembly import Bonds
 

@@ -10,8 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.graphs import tree_of
-from pdmesh.model.neighbours import ROUND_OFF, Pairs, chosen
+from pdmesh.model.neighbours import ROUND_OFF, Pairs, chosen, tree_of
 from pdsolve.adaptivity.quadtree.leaf_mapping import LeafOrigins
 from pdsolve.bonds.assembly import Assembly, ByPairs, Paired
 from pdsolve.model import Model

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.graphs import tree_of
-from pdmesh.model.neighbours import lengths, row_chunks
+from pdmesh.model.neighbours import lengths, row_chunks, tree_of
 from pdsolve.model import Model
 from pdsolve.operators.contact.drawn_faces import drawn_faces
 from pdsolve.operators.contact.kernel import Faces, Nodes, learn_faces, surface_nodes

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.graphs import connected, tree_of
+from pdmesh.model.neighbours import connected, tree_of
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.int64]

@@ -13,8 +13,8 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Displacement, Load, Run, Spring
 from pdsolve.model import Model
-from pdsolve.run import after_path
-from pdsolve.run.after_path import _explicit_model_with_constant_loads, prepare_motion_after_equilibrium_path
+from pdsolve.run import initial_states
+from pdsolve.run.initial_states import _explicit_model_with_constant_loads, prepare_motion_after_equilibrium_path
 from pdsolve.run.system import PreparedRun
 
 GROWS = ((0.0, 0.0), (2.0, 8.0))
@@ -70,10 +70,10 @@ def test_it_goes_on_from_the_path(
         moving: Any = System(dataclasses.replace(model, settings=settings), "operator", drive)
         return PreparedRun(moving, first)
 
-    monkeypatch.setattr(after_path, "prepare", prepare)
-    monkeypatch.setattr(after_path, "model_of", lambda text, name: path_model)
-    monkeypatch.setattr(after_path, "restore_state", lambda *words: done.append(("restore", *words[1:])))
-    monkeypatch.setattr(after_path, "force_densities", force_densities)
+    monkeypatch.setattr(initial_states, "prepare", prepare)
+    monkeypatch.setattr(initial_states, "model_of", lambda text, name: path_model)
+    monkeypatch.setattr(initial_states, "restore_state", lambda *words: done.append(("restore", *words[1:])))
+    monkeypatch.setattr(initial_states, "force_densities", force_densities)
     path: Any = Part(name="path.sqlite", model=lambda: "text", breaks=lambda: "breaks")
     path.checkpoint, path.meta, path.summary = lambda: (7, "kept"), lambda: {"mode": "thesis"}, lambda: {"lost": 0.5}
     (system, state), step = prepare_motion_after_equilibrium_path(path, 3)
@@ -104,6 +104,8 @@ def test_when_a_motion_follows(
 ) -> None:
     run = msgspec.structs.replace(path_model.settings.run, after=after)
     settings = msgspec.structs.replace(path_model.settings, run=run)
-    monkeypatch.setattr(after_path, "model_of", lambda text, name: dataclasses.replace(path_model, settings=settings))
+    monkeypatch.setattr(
+        initial_states, "model_of", lambda text, name: dataclasses.replace(path_model, settings=settings)
+    )
     path: Any = Part(name="", meta=lambda: {"status": status}, summary=lambda: {"lost": lost}, model=lambda: "")
-    assert after_path.needs_motion_after_path(path) is follows
+    assert initial_states.needs_motion_after_path(path) is follows

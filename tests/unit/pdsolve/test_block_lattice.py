@@ -15,6 +15,7 @@ from messages import naming
 from plates import GLASS, plate, square_grid, two_scale_grid
 from system_checks import bonds_of, broken, kept, worst
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Acceleration, Displacement, Run, Velocity
 from pdsolve.lattice import block_bonds
 from pdsolve.lattice.block_bonds import Distinct
@@ -24,12 +25,11 @@ from pdsolve.model import ModelError
 from pdsolve.numerics import thread_team
 from pdsolve.options import Options
 from pdsolve.results import Results
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
+from pdsolve.run.progress import format_summary_lines
 from pdsolve.run.recorder import list_breaks_since
 from pdsolve.run.simulation import simulate
 from pdsolve.run.subdomain import restore_state
-from pdsolve.run.summary_lines import format_summary_lines
 from pdsolve.run.system import PreparedRun
 
 SOFT = msgspec.structs.replace(GLASS, law="bilinear", kr=2.0)

@@ -10,6 +10,7 @@ import pytest
 from messages import naming
 from scipy.spatial.distance import pdist
 
+from benchmarks.balance_rows import compute_condition_forces, compute_energy_balance_row
 from pdmesh import Body, Box, Material, SceneError, Sphere, build
 from pdmesh.drawing.file_reading import read_scene
 from pdmesh.model.document import Displacement, InitialVelocity, RigidBody, Run, read_document
@@ -18,12 +19,7 @@ from pdmesh.model.node_grid import grid_of
 from pdsolve.model import Model
 from pdsolve.operators.contact.operator import pair_stiffness
 from pdsolve.options import Options
-from pdsolve.run.measures import (
-    compute_condition_forces,
-    compute_energy_balance_row,
-    compute_node_damage,
-    list_force_conditions_with_nodes,
-)
+from pdsolve.run.measures import compute_node_damage
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 
@@ -165,9 +161,7 @@ def test_a_rigid_ball_bounces_from_a_plate() -> None:
     (system, state), steps, pushed = prepared(ball), 120, 0.0
     for step in range(1, steps + 1):
         PreparedRun(system, state).advance(step, step + 1)
-        (found,) = compute_condition_forces(
-            list_force_conditions_with_nodes(system), system, state, step, step * system.time_step
-        )
+        (found,) = compute_condition_forces(system, state, step, step * system.time_step)
         pushed -= found.force_z * system.time_step
     rows = system.model.grid.rigid
     momentum = ((system.area * system.model.rho)[rows] * state.rate[rows, 2]).sum()

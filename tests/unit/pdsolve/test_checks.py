@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from failure_cases import saying
 from messages import mentions, naming
+from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid, two_scale_grid
 
 from pdmesh.model.document import Lattice, Region, Run
@@ -19,10 +20,13 @@ from pdmesh.model.node_grid import Grid, whole_lattice
 from pdsolve.checks import closing, nearest, refuse_numbers, warn_of_missing_dissipation, warn_of_model
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
-from pdsolve.run.energy_accounts import EnergyAccounts
-from pdsolve.run.inversion_checks import InversionAndPrecisionChecks
+from pdsolve.run.accounts import EnergyAccounts
+from pdsolve.run.motion_checks import (
+    InversionAndPrecisionChecks,
+    compute_displacement_range,
+    warn_if_plastic_strain_is_large,
+)
 from pdsolve.run.prepare import prepare
-from pdsolve.run.result_warnings import warn_if_plastic_strain_is_large
 from pdsolve.run.simulation import simulate
 from pdsolve.run.system import PreparedRun
 from pdsolve.state import Broken
@@ -102,13 +106,21 @@ def moved(matrix: list[list[float]], away: float = 0.0, kind: str = "float64") -
     return problem
 
 
+def look_at(watch: InversionAndPrecisionChecks, u: NDArray[np.floating], broken: Broken, step: int) -> None:
+    """Warn of displacements (n, d), m, as a run does."""
+    extent = compute_displacement_range(u)
+    if watch.triangles_may_be_inverted(extent) and (text := watch.describe_inverted_triangle(u, broken)) is not None:
+        watch.warn_of_inverted_triangle(text, step)
+    watch.warn_of_imprecise_displacements(extent, step)
+
+
 def seen(problem: PreparedRun, looks: int = 2) -> list[str]:
     """What a watch says of that, looking so many times."""
     operator = problem.system.operator
     watch = InversionAndPrecisionChecks(problem.system.model, partial(operator.bonds, at_start=True))
     with saying() as lines:
         for step in range(looks):
-            watch.warn_of_inversion_or_imprecision(problem.state.value, operator.broken(), step)
+            look_at(watch, problem.state.value, operator.broken(), step)
     return lines
 
 
@@ -211,5 +223,5 @@ def test_a_node_that_passes_another_is_seen_on_lattices_with_and_without_gaps() 
             u[(place[order] == (x, y)).all(axis=1), 0] = -2.5e-3
             watch = InversionAndPrecisionChecks(model, partial(lambda ends, first, last: ends, (source, target)))
             with saying() as lines:
-                watch.warn_of_inversion_or_imprecision(u, Broken(*np.zeros((3, 0), dtype=np.int64)), 1)
+                look_at(watch, u, Broken(*np.zeros((3, 0), dtype=np.int64)), 1)
             assert len(lines) == 1, (x, y)

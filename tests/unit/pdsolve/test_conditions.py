@@ -11,12 +11,12 @@ from messages import naming
 from plates import GLASS, plate, square_grid
 from system_checks import bonds_of
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Absorb, Acceleration, AnyCondition, Displacement, InitialVelocity, Load, Run, Velocity
 from pdsolve.conditions import ABSORBED, apply_loads, damping, drive, put_loads, unbreakable
 from pdsolve.estimate import estimate_run as planned
 from pdsolve.model import ModelError
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 

@@ -13,6 +13,7 @@ from contact_bars import UNIT, bar, grid_of, moving
 from messages import naming
 from numpy.typing import NDArray
 
+from benchmarks.balance_rows import compute_condition_forces, compute_energy_balance_row
 from pdmesh import Scene, box, build, ramp
 from pdmesh.model.document import InitialVelocity, RigidBody, Run, Settings
 from pdmesh.model.mechanical_conditions import Contact
@@ -21,12 +22,7 @@ from pdsolve.model import Model, ModelError, read_model
 from pdsolve.operators.contact.kernel import ease
 from pdsolve.operators.contact.operator import pair_stiffness, touch_bound
 from pdsolve.options import Options
-from pdsolve.run.measures import (
-    compute_condition_forces,
-    compute_energy_balance_row,
-    compute_node_damage,
-    list_force_conditions_with_nodes,
-)
+from pdsolve.run.measures import compute_node_damage
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume
 from pdsolve.run.system import PreparedRun
@@ -126,9 +122,7 @@ def closed(crack: bool, contact: bool, side: int = 40) -> tuple[float, PreparedR
     prepared = prepare(Model(built.grid, built.settings), Options(threads=1))
     steps = int(12 / prepared.system.time_step)
     prepared.advance(1, steps + 1)
-    return compute_condition_forces(list_force_conditions_with_nodes(prepared.system), *prepared, steps, 12.0)[
-        1
-    ].force_y, prepared
+    return compute_condition_forces(*prepared, steps, 12.0)[1].force_y, prepared
 
 
 @pytest.mark.slow

@@ -27,6 +27,7 @@ from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.operators.bond_list import BondList
 from pdsolve.results import Results
 from pdsolve.run.simulation import Options, prepare, resume, simulate
+from pdsolve.run.system import Regridder
 from pdsolve.schemes import SCHEMES
 
 
@@ -63,6 +64,11 @@ def test_a_crack_forks_evenly_and_cuts_just_what_its_arms_meet(solved: Path) -> 
 
 
 @pytest.mark.slow
+def test_what_changes_nodes_is_refused_beside_cracks_of_particles() -> None:
+    with pytest.raises(ModelError, match=naming("$.run.cracks", found="adapt", expected="one of both")):
+        simulate(pulled(), options=Options(threads=1), adapt=Regridder())
+
+
 def test_energy_is_booked(solved: Path) -> None:
     """What the ledger misses at half of the stable step is 0.018 of what the crack takes."""
     with Results.open(solved) as results:

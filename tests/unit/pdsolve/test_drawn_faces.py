@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh import Body, Box, Cylinder, Material, Scene, Sphere, box, build
-from pdmesh.model.graphs import tree_of
+from pdmesh.model.neighbours import tree_of
 from pdmesh.model.node_grid import Grid
 from pdsolve.operators.contact.drawn_faces import DrawnFaces, drawn_faces
 

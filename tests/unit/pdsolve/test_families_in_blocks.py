@@ -11,11 +11,11 @@ import pytest
 from kernel_comparison import GRIDS, both, nearly, torn
 from plates import GLASS, plate, square_grid
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import Material
 from pdsolve.lattice.family_operator import FamilyLattice
 from pdsolve.laws.bond_arrays import Now
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
 

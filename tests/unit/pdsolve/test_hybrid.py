@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from plates import GLASS, plate, square_grid
 from zoned_plates import rectangle
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh import Medium, Scene, SceneError, box, build
 from pdmesh.__main__ import main as build_command
 from pdmesh.drawing.file_reading import build_file, read_scene
@@ -43,7 +44,6 @@ from pdsolve.adaptivity.hybrid.prepare import rows_with_content_jumps
 from pdsolve.checks import warn_of_created_energy
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.options import Options
-from pdsolve.run.measures import compute_energy_balance_row
 from pdsolve.run.prepare import prepare, select_scheme
 from pdsolve.run.simulation import simulate
 from pdsolve.zone.bond_parts import BondPartsInCells, divide_bonds_at_cell_borders

@@ -20,7 +20,7 @@ from pdsolve.laws import LAWS
 from pdsolve.laws.law import Limits, Pair, Sizes, Softening
 from pdsolve.laws.material_checks import negative_secant, remarks
 from pdsolve.model import ModelError
-from pdsolve.run.energy_accounts import instability_message
+from pdsolve.run.accounts import instability_message
 
 
 def test_E_in_GPa_is_noticed() -> None:

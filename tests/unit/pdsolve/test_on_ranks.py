@@ -103,7 +103,7 @@ def test_a_run_that_is_not_stable_says_the_same_on_a_rank(alone: Team, tmp_path:
 
 
 def test_the_nodes_of_another_model_are_not_gone_on_with(alone: Team, tmp_path: Path) -> None:
-    from pdsolve.run import ranks_start, resuming
+    from pdsolve.run import ranks_start, simulation
 
     simulate(torn(steps=20, until=None), tmp_path / "one").close()
     with Results.open(tmp_path / "one") as results:
@@ -112,7 +112,7 @@ def test_the_nodes_of_another_model_are_not_gone_on_with(alone: Team, tmp_path: 
             if not cracked:
                 model = Model(dataclasses.replace(model.grid, cracks=np.empty((0, 4))), model.settings)
             prepared = ranks_start.prepare_run_on_ranks(model, Options(), alone)
-            assert resuming.has_same_bonds(*prepared, results) == cracked
+            assert simulation.has_same_bonds(*prepared, results) == cracked
 
 
 @pytest.mark.parametrize(

@@ -12,12 +12,13 @@ from contact_bars import UNIT
 from messages import naming
 from shapely import Point
 
+from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh import Body, Box, GridError, Material, Scene, Sphere, box, build
 from pdmesh.model.document import Run
 from pdsolve import Results, simulate
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
-from pdsolve.run.measures import EnergyBalanceRow, compute_energy_balance_row
+from pdsolve.run.measures import EnergyBalanceRow
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume
 

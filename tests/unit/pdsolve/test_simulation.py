@@ -22,9 +22,8 @@ from pdmesh.model.output_fields import CRACKED
 from pdsolve.estimate import estimate_run
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Breaks, Results, ResultsError
-from pdsolve.run.fragments import count_fragments
 from pdsolve.run.measures import compute_node_damage
-from pdsolve.run.recorder import list_breaks_since
+from pdsolve.run.recorder import count_fragments, list_breaks_since
 from pdsolve.run.simulation import Options, Progress, UnstableError, prepare, resume, simulate
 from pdsolve.run.subdomain import restore_state, team_of
 

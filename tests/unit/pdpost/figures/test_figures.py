@@ -15,6 +15,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import Figure
 from messages import mentions, naming
+from new_databases import create_writer
 from numpy.typing import NDArray
 from pages import text_of
 
@@ -36,7 +37,7 @@ from pdsolve.measures.bond_pairs import read_bond_pairs
 from pdsolve.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdsolve.measures.fields import FIELDS, FieldError
 from pdsolve.measures.tips import crack_branches
-from pdsolve.results import Breaks, Families, FrameRecord, Results, ResultsError, Writer
+from pdsolve.results import Breaks, Families, FrameRecord, Results, ResultsError
 from pdsolve.run.measures import EnergyBalanceRow
 
 DRAW: dict[str, Callable[[Results], Figure]] = {
@@ -205,7 +206,7 @@ def torn_plate() -> tuple[Results, NDArray[np.float64]]:
 
     material = json.dumps({"material": {"E": 65e9, "rho": 2235.0, "G0": 204.0}})
     meta = {"time_step": 1e-6, "model": material}
-    writer = Writer.create(None, nodes._replace(family=np.diff(start)), share, np.empty((0, 4)), meta)
+    writer = create_writer(None, nodes._replace(family=np.diff(start)), share, np.empty((0, 4)), meta)
     u = 1e-4 * nodes.position[:, 0]
     u[np.array(torn) - 1] += [-1e-4, 1e-4]
     fields = {"ux": u, "uy": 0 * u}

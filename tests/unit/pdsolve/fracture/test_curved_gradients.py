@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from pdmesh.model.graphs import tree_of
+from pdmesh.model.neighbours import tree_of
 from pdsolve.fracture.gradients import curved_gradients_of, gradients_of
 
 

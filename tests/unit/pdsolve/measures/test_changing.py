@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from damaged_results import alone
+from new_databases import create_writer
 from numpy.typing import NDArray
 from plates import square_grid
 
@@ -17,7 +18,7 @@ from pdsolve.measures.cracked_nodes import (
     damage_without_pre_cracks_at,
     first_cracked_step_of_nodes,
 )
-from pdsolve.results import Breaks, Epoch, FrameRecord, Nodes, Results, Writer
+from pdsolve.results import Breaks, Epoch, FrameRecord, Nodes, Results
 from pdsolve.run.measures import EnergyBalanceRow
 
 NO_BREAKS = Breaks(*np.zeros((3, 0), dtype=np.int64))
@@ -42,7 +43,7 @@ def test_a_node_that_is_born_cracked_is_so_since_the_one_before() -> None:
     nodes = row([1, 2, 3, 4, 5], [0, 1, 2, 3, 4], 1.0, [0, 4, 0, 0, 3])
     parts = row(list(range(11, 21)), list(np.arange(10) / 2 - 0.25), 0.5, [5, 0, 4, 4, 4, 0, 0, 0, 4, 0])
     merged = row([1], [0], 1.0, [4])
-    writer = Writer.create(None, nodes, alone, np.empty((0, 4)), {"time_step": 1e-6, "model": "{}"})
+    writer = create_writer(None, nodes, alone, np.empty((0, 4)), {"time_step": 1e-6, "model": "{}"})
     broken = [(5, 1, 2)] * 4 + [(7, 3, 2)] * 2 + [(12, 17, 2)] * 4 + [(25, 1, 2)]
     changes = [epoch(10, 5, parts, [0, 1, 2, 3, 4], 10), epoch(20, 15, merged, [5, 6], 9)]
     writer.write(
@@ -77,7 +78,7 @@ def test_a_node_that_is_born_beside_a_pre_crack_has_its_own_damage_alone() -> No
     10, lacks, the crack cut 1, and 3 of the other 9 broke before."""
     nodes = row([1, 2, 3, 4], [0, 1, 2, 3], 1.0, [3, 1, 1, 1])
     crack = np.array([[0.5e-3, -1e-3, 0.5e-3, 1e-3]])
-    writer = Writer.create(None, nodes, alone, crack, {"time_step": 1e-6, "model": "{}"})
+    writer = create_writer(None, nodes, alone, crack, {"time_step": 1e-6, "model": "{}"})
     born = row([5], [1], 1.0, [4])
     changes = [epoch(10, 4, born, [1], 4)]
     writer.write(FrameRecord(30, 3e-5, {}, NO_BREAKS, [], [], {}, epochs=changes, rows=np.array([0, 2, 3, 4])))
@@ -91,7 +92,7 @@ def test_who_is_born_is_of_the_material_of_the_nearest_at_the_start() -> None:
     nodes = row([1, 2], [0, 1], 1.0, [0, 0])
     region = {"material": {"E": 2.0, "rho": 1.0, "G0": 1.0}, "nodes": [2]}
     model = {"material": {"E": 1.0, "rho": 1.0, "G0": 1.0}, "regions": [region]}
-    writer = Writer.create(None, nodes, alone, np.empty((0, 4)), {"time_step": 1e-6, "model": json.dumps(model)})
+    writer = create_writer(None, nodes, alone, np.empty((0, 4)), {"time_step": 1e-6, "model": json.dumps(model)})
     parts = row([3, 4], [0.75, 1.25], 0.5, [0, 0])
     writer.write(
         FrameRecord(5, 5e-6, None, NO_BREAKS, [], [], {}, epochs=[epoch(3, 2, parts, [1], 3)], rows=np.array([0, 2, 3]))
@@ -111,7 +112,7 @@ def split(path: Path, at: int, side: int = 8) -> Results:
         Nodes(ids, one.position, one.delta, one.delta**2, np.full(len(ids), 10), np.zeros(len(ids), dtype=np.int64))
         for one, ids in ((grid, grid.ids), (fine, count + fine.ids))
     )
-    writer = Writer.create(
+    writer = create_writer(
         path, start, alone, np.empty((0, 4)), {"time_step": 1e-7, "initial_energy": 0.0, "model": "{}"}
     )
     for step in range(0, 50, 10):

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from damaged_results import alone, at, lattice, run
+from new_databases import create_writer
 
 from pdpost.exports import csv_columns
 from pdpost.reading.tables import queries
@@ -23,7 +24,7 @@ from pdsolve.measures.cracks import CrackEvents, cluster_nodes, find_crack_event
 from pdsolve.measures.fields import field_values
 from pdsolve.measures.fragments import PlateFragment, PlateFragments
 from pdsolve.measures.release import EnergyRelease
-from pdsolve.results import Breaks, FrameRecord, Results, Writer
+from pdsolve.results import Breaks, FrameRecord, Results
 from pdsolve.study.run_measures import _crack_measures
 
 PLATE = json.dumps({"material": {"E": 65e9, "rho": 2235.0, "G0": 204.0}})
@@ -106,7 +107,7 @@ def test_a_plate_that_does_not_break() -> None:
 
 def test_the_first_break_needs_no_cracked_node() -> None:
     nodes = lattice()
-    writer = Writer.create(None, nodes, alone, np.empty((0, 4)), {"time_step": 1e-6})
+    writer = create_writer(None, nodes, alone, np.empty((0, 4)), {"time_step": 1e-6})
     writer.write(FrameRecord(9, 9e-6, None, Breaks(*np.array([[4], [50], [51]])), [], [], {}))
     found = find_crack_events(Results(writer.connection, "memory"))
     assert found.first_break is not None

@@ -8,13 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from messages import mentions, naming
+from new_databases import create_writer
 from plates import plate, square_grid
 
 from pdmesh.model.document import Load, Run
 from pdpost.__main__ import main
 from pdsolve.measures.tradeoff import cheapest_point, pareto_front, read_run_cost, relative_run_errors
 from pdsolve.model import ModelWarning
-from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Results, ResultsError, Writer
+from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Results, ResultsError
 from pdsolve.run.measures import EnergyBalanceRow
 from pdsolve.run.simulation import simulate
 
@@ -49,7 +50,7 @@ def run(
     )
     time_step = 1e-7
     meta = {"time_step": time_step, "initial_energy": 0.0, "model": "{}"}
-    writer = Writer.create(path, nodes, alone, np.empty((0, 4)), meta)
+    writer = create_writer(path, nodes, alone, np.empty((0, 4)), meta)
     steps = round(end / time_step)
     x, y = grid.position.T
     last = -1.0
@@ -93,7 +94,7 @@ def test_large_cells_weigh_more(tmp_path: Path) -> None:
     nodes = Nodes(grid.ids, grid.position, grid.delta, area, np.full(64, 10), none)
     for name, off in (("a", 0.02), ("b", 0.0)):
         meta = {"time_step": 1e-7, "initial_energy": 0.0, "model": "{}"}
-        writer = Writer.create(tmp_path / name, nodes, alone, np.empty((0, 4)), meta)
+        writer = create_writer(tmp_path / name, nodes, alone, np.empty((0, 4)), meta)
         u = np.where(left, 1 + off, 1.0) * 1e-6
         no_breaks = Breaks(*np.zeros((3, 0), dtype=np.int64))
         writer.write(
@@ -144,7 +145,7 @@ def test_cost(tmp_path: Path) -> None:
 def test_other_plates_are_refused(tmp_path: Path) -> None:
     grid = square_grid(5, 5)
     nodes = Nodes(grid.ids, grid.position, grid.delta, grid.delta**2, grid.ids, grid.ids)
-    writer = Writer.create(tmp_path / "b", nodes, alone, np.empty((0, 4)), {"time_step": 1e-7, "model": "{}"})
+    writer = create_writer(tmp_path / "b", nodes, alone, np.empty((0, 4)), {"time_step": 1e-7, "model": "{}"})
     writer.close("finished")
     with (
         run(tmp_path / "a", 10, 1e-3) as one,

@@ -1,23 +1,33 @@
-"""Checks of the motion during a run: inverted triangles of nodes, and loss of digits in displacements."""
+"""Checks of what a run computes: inverted triangles of nodes, lost digits, contact and breaks that are not resolved.
+
+On a square lattice inverted triangles are found without arrays of all triangles.
+"""
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Sequence
 from itertools import combinations
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from pdmesh.model.graphs import tree_of
 from pdmesh.model.material_constants import critical_stretch
-from pdmesh.model.neighbours import ROUND_OFF
+from pdmesh.model.neighbours import ROUND_OFF, tree_of
+from pdmesh.model.zone_strengths import coarse_nodes, of_body, weakest_zones
 from pdsolve.checks import named, warn
+from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.laws import limits
 from pdsolve.laws.law import Sizes
-from pdsolve.model import Model
-from pdsolve.run.inverted_on_lattice import find_inverted_lattice_triangles
-from pdsolve.state import Broken
+from pdsolve.model import Model, ModelWarning
+from pdsolve.operators.contact.at_rest import RestingContact
+from pdsolve.operators.together import unwrap_bond_operator
+from pdsolve.results import Results
+from pdsolve.run.system import System
+from pdsolve.state import Broken, State
 
 AROUND = 4  # nodes next to a node, of which two and the node are a triangle to look at
 TOGETHER = 1000  # nodes whose bonds are asked for at once
@@ -70,17 +80,6 @@ class InversionAndPrecisionChecks:
     def inversion_and_imprecision_warned(self) -> tuple[bool, bool]:
         """Whether warnings of inverted triangles, and of displacements too large for their precision, are given."""
         return self._said, self._vague
-
-    def warn_of_inversion_or_imprecision(self, u: NDArray[np.floating], broken: Broken, step: int) -> None:
-        """Warn of inverted triangles, and of displacements too large for their precision.
-
-        `u` (n, d) are the displacements, m; `broken` are all broken bonds. For bodies in space, only the precision is
-        checked.
-        """
-        extent = compute_displacement_range(u)
-        if self.triangles_may_be_inverted(extent) and (words := self.describe_inverted_triangle(u, broken)) is not None:
-            self.warn_of_inverted_triangle(words, step)
-        self.warn_of_imprecise_displacements(extent, step)
 
     @property
     def smallest_spacing_and_breaking_elongation(self) -> tuple[float, float]:
@@ -188,3 +187,167 @@ class _NodeTriangles(NamedTuple):
 
 def _cross_product(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+
+
+LINES = 2  # of a lattice: nodes on it may be that far from those beside them
+ON_LATTICE = 1e-6  # spacings: nodes this near to a lattice are on it
+
+
+def find_inverted_lattice_triangles(
+    position: NDArray[np.float64],
+    u: NDArray[np.floating],
+    local_rows: slice,
+    least_double_area: float,
+    is_excluded_node: NDArray[np.bool_],
+) -> NDArray[np.int64] | None:
+    """Rows (t, 3) of the corners of triangles that displacements u (n, 2), m, have inverted, by the first corner.
+
+    A node of `local_rows` has one with the nearest nodes within `LINES` spacings along x and along y, if twice its area
+    is at least `least_double_area`, m^2, and if it is not excluded. None if the nodes (n, 2), m, are not row by row on
+    a square lattice, of which some may be missing.
+    """
+    low, high, _ = local_rows.indices(len(position))
+    places, moves = (np.require(values, requirements=("C", "W")) for values in (position, u))
+    corners = np.empty((16, 3), dtype=np.int64)
+    while True:
+        count = int(
+            _fill_and_count_inverted_triangles(places, moves, low, high, least_double_area, is_excluded_node, corners)
+        )
+        if count <= len(corners):
+            return None if count < 0 else corners[:count]
+        corners = np.empty((count, 3), dtype=np.int64)
+
+
+@cached_njit(nogil=True, error_model="numpy")
+def _fill_and_count_inverted_triangles(position, u, first_row, end_row, least_double_area, is_excluded_node, corners):  # type: ignore[no-untyped-def]
+    """List inverted triangles as far as there is room; returns how many there are, -1 off a lattice."""
+    site_numbers = np.empty(len(position), np.int64)
+    stride, count = _fill_site_numbers_and_find_row_stride(position, site_numbers), 0
+    if stride == 0:
+        return -1
+    search_positions = np.zeros((2, 4), np.int64)
+    for n in range(len(position)):
+        a, b = (
+            _find_neighbour_along_axis(site_numbers, search_positions[0], n, 1),
+            _find_neighbour_along_axis(site_numbers, search_positions[1], n, stride),
+        )
+        before = _signed_double_triangle_area(position, u, 0.0, n, a, b)
+        if (
+            first_row <= n < end_row
+            and not is_excluded_node[n]
+            and abs(before) >= least_double_area
+            and before * _signed_double_triangle_area(position, u, 1.0, n, a, b) <= 0
+        ):
+            if count < len(corners):
+                corners[count, 0], corners[count, 1], corners[count, 2] = n, a, b
+            count += 1
+    return count
+
+
+@njit(**INNER)
+def _fill_site_numbers_and_find_row_stride(position, site_numbers):  # type: ignore[no-untyped-def]
+    """Number the nodes (n,) row by row; returns the step from a row to the next, 0 off a lattice."""
+    x0, y0, x1, spacing = np.inf, np.inf, -np.inf, np.inf
+    for n in range(len(position)):
+        x, y = position[n, 0], position[n, 1]
+        x0, y0, x1 = min(x0, x), min(y0, y), max(x1, x)
+        if n > 0 and x > position[n - 1, 0]:
+            spacing = min(spacing, x - position[n - 1, 0])
+    if not np.isfinite(spacing):
+        return 0
+    stride = int(np.rint((x1 - x0) / spacing)) + LINES + 1
+    for n in range(len(position)):
+        x, y = (position[n, 0] - x0) / spacing, (position[n, 1] - y0) / spacing
+        column, row = np.rint(x), np.rint(y)
+        site_numbers[n] = int(row) * stride + int(column)
+        if max(abs(x - column), abs(y - row)) > ON_LATTICE or (n > 0 and site_numbers[n] <= site_numbers[n - 1]):
+            return 0
+    return stride
+
+
+@njit(**INNER)
+def _find_neighbour_along_axis(site_numbers, search_positions, node, number_step):  # type: ignore[no-untyped-def]
+    """The nearest node along an axis, or the node itself: numbers of nodes along it are `number_step` apart.
+
+    `search_positions` (4,) are updated.
+    """
+    nearest = node
+    for k in range(4):
+        wanted = site_numbers[node] + (k // 2 + 1) * (number_step if k % 2 == 0 else -number_step)
+        while search_positions[k] < len(site_numbers) - 1 and site_numbers[search_positions[k]] < wanted:
+            search_positions[k] += 1
+        if nearest == node and site_numbers[search_positions[k]] == wanted:
+            nearest = search_positions[k]
+    return nearest
+
+
+@njit(forceinline=True, **INNER)
+def _signed_double_triangle_area(position, u, displacement_factor, node, a, b):  # type: ignore[no-untyped-def]
+    """Twice the area of a triangle, m^2, displaced by a `displacement_factor` of u."""
+    x, y = position[node, 0] + displacement_factor * u[node, 0], position[node, 1] + displacement_factor * u[node, 1]
+    ax, ay = position[a, 0] + displacement_factor * u[a, 0] - x, position[a, 1] + displacement_factor * u[a, 1] - y
+    bx, by = position[b, 0] + displacement_factor * u[b, 0] - x, position[b, 1] + displacement_factor * u[b, 1] - y
+    return ax * by - ay * bx
+
+
+RESOLVED = 4.0  # spacings: half-width from which on it is Hertz's
+
+
+def warn_of_unresolved_contact_width(system: System, state: State) -> None:
+    """Warn of the narrowest contact of two round bodies under the largest force of a run at rest."""
+    contact, bodies = system.contact, system.model.grid.bodies
+    if contact is None or bodies is None or system.model.settings.run.solver != "static":
+        return
+    contact = cast("RestingContact", contact)  # as at rest
+    contact.measure_widths(state)
+    narrow = {pair: width.half for pair, width in contact.widths.items() if width.half < RESOLVED}
+    if narrow:
+        (first, second), half = min(narrow.items(), key=lambda item: item[1])
+        warn(
+            system.model,
+            f"$.bodies: '{bodies.names[first]}' and '{bodies.names[second]}' touch over a half-width of {half:.1f}"
+            f" spacings, less than the {RESOLVED:g} of round bodies: the width and the pressure of a narrower"
+            " contact are not resolved; use a finer spacing",
+        )
+
+
+def warn_of_broken_bonds_outside_finest_zone(model: Model, results: Results) -> None:
+    """Warn for each body of broken bonds of nodes coarser than its finest, which had less strength."""
+    grid, weakest_zone_of_each = model.grid, weakest_zones(model.grid, model.settings)
+    if not weakest_zone_of_each:
+        return
+    breaks, order = results.breaks(), np.argsort(grid.ids)
+    rows, other_rows = (order[np.searchsorted(grid.ids, ids, sorter=order)] for ids in (breaks.node, breaks.neighbour))
+    for weakest in weakest_zone_of_each:
+        coarse = coarse_nodes(grid, weakest)
+        outside = np.flatnonzero(coarse[rows] | coarse[other_rows])
+        if len(outside):
+            first = outside[0]
+            warn(
+                model,
+                f"{len(outside) / len(breaks.step):.0%} of the broken bonds are outside the finest zone"
+                f"{of_body(weakest.body)}, where strength is down to {weakest.share:.2g} of that within; the first"
+                f" broke at step {breaks.step[first]}, {named(model, int(rows[first]))}; widen the fine zone, or set"
+                ' material.coarse to "matched" or "unbreakable"',
+            )
+
+
+LARGEST = 0.1  # plastic strain up to which j2 in its total form counts as one for small strains
+
+
+def warn_if_plastic_strain_is_large(system: System, step: int) -> bool:
+    """Warn if the equivalent plastic strain of a node is above `LARGEST`; returns whether one is."""
+    solid = getattr(getattr(unwrap_bond_operator(system.operator), "columns", None), "solid", None)
+    if solid is None:
+        return False
+    p = solid.history[:, :6].astype(float)
+    largest = float(np.sqrt(2 / 3 * ((p[:, :3] ** 2).sum(axis=1) + 2 * (p[:, 3:] ** 2).sum(axis=1))).max(initial=0.0))
+    if largest <= LARGEST:
+        return False
+    warnings.warn(
+        f"{system.model.name}: step {step}: the plastic strain is {largest:.3g}, more than {LARGEST:g}, and j2 is"
+        " for small strains: stress and volume are wrong; use material.form = 'rate' for large ones",
+        ModelWarning,
+        stacklevel=2,
+    )
+    return True
