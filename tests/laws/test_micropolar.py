@@ -5,12 +5,10 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 import pytest
-from messages import naming
 from plates import GLASS, plate, square_grid
 
 from benchmarks.balance_rows import compute_energy_balance_row
 from pdmesh.model.document import InitialVelocity, Run
-from pdsolve.model import ModelError
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
@@ -66,13 +64,3 @@ def test_a_marching_plate_keeps_its_energy() -> None:
         assert found.strain > 0
     assert lost[0] <= 1e-2
     assert lost[1] <= lost[0] / 3  # second order
-
-
-def test_space_is_refused() -> None:
-    from pdsolve.bonds.assembly import Bonds
-    from pdsolve.laws import micropolar
-
-    nothing = np.zeros(0)
-    bonds = Bonds(np.zeros(2, np.int64), np.zeros(0, np.int32), np.zeros((0, 3)), *[nothing] * 4)
-    with pytest.raises(ModelError, match=naming(found=("'micropolar'", "space"))):
-        micropolar.columns(made().system.model, bonds)
