@@ -84,7 +84,7 @@ def steel(axes: Axes, folder: Path) -> str:
     far = np.array([0.0, 70.0])
     for angle, label, dashes in zip(angles["angle, degrees"], ("tests", "thesis"), ("-", ":"), strict=True):
         line = (50 + far * np.cos(np.radians(angle)), y[0] + far * np.sin(np.radians(angle)))
-        axes.plot(*line, dashes, color=REFERENCE, label=f"{label}, {angle:.0f} degrees")
+        axes.plot(*line, dashes, color=REFERENCE, label=f"{label}, {angle:.0f} degrees", zorder=3)
     axes.plot(*table(DATA / "kalthoff_winkler_path.csv").values(), "s", color=REFERENCE, ms=4, label="another program")
     axes.plot(x, y, ".", color=OURS, label="one of two cracks")
     axes.set_aspect("equal")
