@@ -175,8 +175,6 @@ TRIED = (
     "pdsolve body.json --mode thesis",
     "pdsolve body.json --adapt collocation",
     "pdsolve body.json --adapt split",
-    "pdsolve body.json --adapt hybrid --set physics=thermoelastic --set medium.D=1e-5 --set material.alpha=1e-5"
-    " --set material.T0=300",
     "pdsolve body.json --cracks particles",
     "pdsolve body.json --set material.model=micropolar --set material.nu=0.2",
     "pdsolve body.json --set material.solid='neo hooke' --set material.model=correspondence --set material.nu=0.2",

@@ -221,9 +221,6 @@ ADAPTIVE = Feature("adaptivity", adaptive(), why=", as run.adapt is {}")
 ZONES = Feature("adaptivity of plates", adaptive("split", "collocation"), "none or hybrid")
 HYBRID = Feature("hybrid", adaptive("hybrid"), why=", as run.adapt is {}")
 PLATES = Feature("hybrid in 2D", both(HYBRID.occurrences, option("dimension", 2)), why=", as run.adapt is {}")
-BODIES = Feature(
-    "hybrid in 3D", both(HYBRID.occurrences, SPACE.occurrences), why=", as run.adapt is {} in a body in space"
-)
 SPLIT = Feature("split", adaptive("split"), why=", as run.adapt is {}")
 OTHER_ZONES = Feature("hybrid and split", setting("run.adapt", "hybrid", "split"), "none or collocation")
 COLLOCATION = Feature("collocation", setting("run.adapt", "collocation"), why=", as run.adapt is {}")
@@ -309,7 +306,6 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(SPACE, CORRECTED, SHIFTED),
     *excluded(SPACE, MICROPOLAR, use=OTHERS),
     *excluded(SPACE, PINS, use="none"),
-    *excluded(BODIES, HEAT),
     *excluded(HEAT, SOLID, IMPLICIT, SOFTENING, ZONES, PARTICLES, START, DISPLACED, THESIS),
     *excluded(HEAT, STIFFNESS_DAMPING, EQ19),
     *excluded(HEAT, COUNT, use="run.time_step and steps"),

@@ -42,7 +42,8 @@ def sum_energies(bonds, history, u, strain_energy, dissipated, first, last, mask
 def _sum_lanes(bonds, history, u, group, lane):  # type: ignore[no-untyped-def]
     """Energy densities that the bonds of some lanes of a group store, J/m^3."""
     own = places_of(bonds, group)[0] + lane
-    here, relief, common = beside(u, bonds.axes, own), own_shrinkage(history, own), common_of_lanes(bonds, group, own)
+    here, relief = beside(u, bonds.axes, own), own_shrinkage(bonds, history, own)
+    common = common_of_lanes(bonds, group, own)
     (begin, end), energy = turns_of(bonds, group, lane), same(u, 0.0)
     for turn in range(begin, end):
         slot = slot_at(bonds, turn)

@@ -80,7 +80,8 @@ def _add(bonds, history, u, group, lane, first, last, updated, f):  # type: igno
     turn with listed neighbours or with a bond that needs care.
     """
     axes, own = bonds.axes, places_of(bonds, group)[0] + lane
-    here, relief, common = beside(u, axes, own), own_shrinkage(history, own), common_of_lanes(bonds, group, own)
+    here, relief = beside(u, axes, own), own_shrinkage(bonds, history, own)
+    common = common_of_lanes(bonds, group, own)
     for turn in range(first, last):
         slot = slot_at(bonds, turn)
         if not has_bonds(bonds, group, slot):
@@ -113,25 +114,29 @@ def weigh_and_stretch(bonds, history, u, common, here, relief, group, own, slot,
 
 
 @overloaded(IN_PLACE)
-def own_shrinkage(history, at):  # type: ignore[no-untyped-def]
+def own_shrinkage(bonds, history, at):  # type: ignore[no-untyped-def]
     """Minus half the strain of free lanes from the place `at` on; None where nothing swells."""
-    if not _swells(history):
-        return lambda history, at: None
-    return lambda history, at: beside(history.shrink, ONE, at)[0]
+    if _swells(bonds):
+        return lambda bonds, history, at: beside(bonds.shrink, ONE, at)[0]
+    if _swells(history):
+        return lambda bonds, history, at: beside(history.shrink, ONE, at)[0]
+    return lambda bonds, history, at: None
 
 
 @overloaded(IN_PLACE)
 def neighbour_shrinkage(bonds, history, at, slot, lane):  # type: ignore[no-untyped-def]
     """Minus half the strain of the free neighbours of some lanes, from the place `at` on; None where nothing swells."""
-    if not _swells(history):
-        return lambda bonds, history, at, slot, lane: None
-    return lambda bonds, history, at, slot, lane: neighbours(bonds, history.shrink, ONE, at, slot, lane)[0]
+    if _swells(bonds):
+        return lambda bonds, history, at, slot, lane: neighbours(bonds, bonds.shrink, ONE, at, slot, lane)[0]
+    if _swells(history):
+        return lambda bonds, history, at, slot, lane: neighbours(bonds, history.shrink, ONE, at, slot, lane)[0]
+    return lambda bonds, history, at, slot, lane: None
 
 
-def _swells(history: Any) -> bool:
-    """Whether the numba type of a history has strains of free nodes."""
-    fields = history.instance_class._fields
-    return "shrink" in fields and not isinstance(history.types[fields.index("shrink")], types.NoneType)
+def _swells(arrays: Any) -> bool:
+    """Whether the numba type of tiles, or of the history of blocks, has strains of free nodes."""
+    fields = arrays.instance_class._fields
+    return "shrink" in fields and not isinstance(arrays.types[fields.index("shrink")], types.NoneType)
 
 
 @in_tiles(common_of_tile)

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 from numba.extending import register_jitable
 from numpy.typing import NDArray
 
@@ -64,6 +64,8 @@ class Tiles(NamedTuple):
     floor: float  # e above which softened bonds have what is left of their stiffness alone
     near: float  # |e| up to which nothing happens to bonds and the narrow polynomial holds
     edge: float  # e up to which nothing happens to bonds
+    shrink: NDArray[np.floating] | None = None  # (m,) minus half the strain of a free node: bonds are relieved of that
+    # of both ends; None: nothing swells
 
 
 class Breaks(NamedTuple):
@@ -182,17 +184,18 @@ def _update_slot(tiles, motion, breaks, t, lane, slot):  # type: ignore[no-untyp
         i, j = tiles.node[site], tiles.node[site + offset]
         place, pair = tiles.margin + site, pair_number(tiles, i, j)
         peak, limit = tiles.peak[pair, slot], tiles.limit[pair, slot]
-        stretch, worst = _stretch(row, u, place, offset), tiles.worst[memory, slot, k] if memory >= 0 else 0.0
+        stretch = _stretch(row, u, tiles.shrink, place, offset)
+        worst = tiles.worst[memory, slot, k] if memory >= 0 else 0.0
         if stretch <= peak or stretch <= worst or tiles.unbreakable[i] or tiles.unbreakable[j]:
             continue
         if stretch <= limit and not soften(tiles, t, slot, k, stretch, peak, limit):
             return False
         near, far = (place, place + offset) if motion.by_sites else (np.int64(i), np.int64(j))
-        last = _previous_stretch(row, u, rate, motion.dt, place, offset, near, far)
+        last = _previous_stretch(row, u, tiles.shrink, rate, motion.dt, place, offset, near, far)
         w = stiffness(tiles, row, t, place, offset)
         pull = added_force(tiles.law, stretch, last, worst, peak, limit) * (w / (1 + stretch))
         for axis in range(len(u)):
-            pulls[axis, near] += pull * (row[axis] + (u[axis, place + offset] - u[axis, place]))
+            pulls[axis, near] += pull * (row[axis] + displaced_of_bond(u, tiles.shrink, row, axis, place, offset))
         if stretch <= limit:
             continue
         modulus = w / row[where_inverse(len(u))] / 4
@@ -216,13 +219,14 @@ def pull_again(tiles, motion, breaks, n):  # type: ignore[no-untyped-def]
     i, j, place, memory = tiles.node[site], tiles.node[site + offset], tiles.margin + site, np.int64(tiles.memory[t])
     pair, worst = pair_number(tiles, i, j), tiles.worst[memory, slot, site % ROW] if memory >= 0 else 0.0
     near, far = (place, place + offset) if motion.by_sites else (np.int64(i), np.int64(j))
-    stretch = _stretch(row, u, place, offset)
-    last = _previous_stretch(row, u, motion.rate, motion.dt, place, offset, near, far)
+    stretch = _stretch(row, u, tiles.shrink, place, offset)
+    last = _previous_stretch(row, u, tiles.shrink, motion.rate, motion.dt, place, offset, near, far)
     limits = tiles.peak[pair, slot], tiles.limit[pair, slot]
     pull = second_force(tiles.law, np.float64(stretch), last, breaks.stretch_before[n], worst, *limits)
     pull *= stiffness(tiles, row, t, place, offset) / (1 + stretch)
     for axis in range(len(u)):
-        motion.failure_forces[axis, near] += pull * (row[axis] + (u[axis, place + offset] - u[axis, place]))
+        eta = displaced_of_bond(u, tiles.shrink, row, axis, place, offset)
+        motion.failure_forces[axis, near] += pull * (row[axis] + eta)
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -269,23 +273,35 @@ def _weaken(tiles, t, slot, lane, stretch, peak, limit):  # type: ignore[no-unty
     return True
 
 
+@overloaded(INNER)
+def displaced_of_bond(u, shrink, row, axis, place, offset):  # type: ignore[no-untyped-def]
+    """A component of what stretches the bond of a site."""
+    if isinstance(shrink, types.NoneType):
+        return lambda u, shrink, row, axis, place, offset: u[axis, place + offset] - u[axis, place]
+
+    def relieved(u, shrink, row, axis, place, offset):  # type: ignore[no-untyped-def]
+        return u[axis, place + offset] - u[axis, place] + row[axis] * (shrink[place] + shrink[place + offset])
+
+    return relieved
+
+
 @njit(**INNER)
-def _stretch(row, u, place, offset):  # type: ignore[no-untyped-def]
+def _stretch(row, u, shrink, place, offset):  # type: ignore[no-untyped-def]
     """The stretch of the bond of a site."""
     along, square = u.dtype.type(0), u.dtype.type(0)
     for axis in range(len(u)):
-        eta = u[axis, place + offset] - u[axis, place]
+        eta = displaced_of_bond(u, shrink, row, axis, place, offset)
         along += row[axis] * eta
         square += eta * eta
     return _ratio(row[where_inverse(len(u))] * (2 * along + square))
 
 
 @njit(**INNER)
-def _previous_stretch(row, u, rate, dt, place, offset, near, far):  # type: ignore[no-untyped-def]
+def _previous_stretch(row, u, shrink, rate, dt, place, offset, near, far):  # type: ignore[no-untyped-def]
     """The stretch of the bond of a site one step ago, since when its ends have moved with `rate` (d, .), m/s."""
     along, square = 0.0, 0.0
     for axis in range(len(u)):
-        eta = u[axis, place + offset] - u[axis, place] - dt * (rate[axis, far] - rate[axis, near])
+        eta = displaced_of_bond(u, shrink, row, axis, place, offset) - dt * (rate[axis, far] - rate[axis, near])
         along += row[axis] * eta
         square += eta * eta
     return _ratio(row[where_inverse(len(u))] * (2 * along + square))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import partial
 from typing import cast
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.factory import create_zone_operator_and_stable_step
 from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
+from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.quadtree.incremental_bonds import create_leaf_bonds
 from pdsolve.adaptivity.quadtree.operator import SURE, QuadtreeOperator, create_quadtree
 from pdsolve.adaptivity.two_lattice_operator import TwoLatticeStepper
@@ -38,7 +38,7 @@ from pdsolve.run.assembly import (
 )
 from pdsolve.run.cell_splitting import CellSplitting
 from pdsolve.run.ranks_start import prepare_run_on_ranks
-from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone, broken_bonds_by_grid_rows
+from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone
 from pdsolve.run.system import MovingZone, PreparedRun, System
 from pdsolve.schemes import SCHEMES
 from pdsolve.steppers.euler import ForwardEuler
@@ -154,16 +154,16 @@ def _prepare_swelling_motion(model: Model, options: Options, scheme: Scheme) -> 
 
 
 def _prepare_swelling_plate_with_zone(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
-    """A plate with a moving fine zone that a content swells. Raises ModelError for what cannot be solved so."""
+    """A plate or body with a moving fine zone that a content swells. Raises ModelError for what cannot be solved so."""
     system, _ = _prepare_moving_zone(model, options, scheme)
-    operator, medium = cast("HybridOperator", system.operator), model.settings.medium
+    operator, medium = cast("HybridOperator | HybridBodyOperator", system.operator), model.settings.medium
     assert medium is not None
     content = _prepare_diffusion(model.diffusing_part(system.time_step), Options(threads=system.options.threads))
     transport = content.system.transport
     assert transport is not None
     cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
     marches = ForwardEuler(transport.operator, transport.drive, cycle * system.time_step)
-    broken_now = partial(broken_bonds_by_grid_rows, operator.engine)
+    broken_now = operator.engine.broken_by_grid_rows
     broken = None if medium.broken == 1 else BrokenBonds(transport, broken_now, medium.broken)
     stepper = SwellingStepperWithFineZone(marches, content.state, operator, model, cycle, broken)
     energy = system.initial_energy + operator.engine.strain_energy()

@@ -1,4 +1,4 @@
-"""Plates with a fine zone that moves, which heat, or a solvent, swells.
+"""Plates and bodies with a fine zone that moves, which heat, or a solvent, swells.
 
 The content is that of all nodes of the fine lattice, conducted as without a zone, so that cells that become fine have
 theirs. Coarse nodes have that of the fine nodes they lie on.
@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
+from pdsolve.adaptivity.hybrid.space.operator import HybridBodyOperator
 from pdsolve.adaptivity.two_lattice_operator import TwoLatticeStepper
 from pdsolve.diffusion.swelling import BrokenBonds, Swelling
 from pdsolve.model import Model
@@ -24,21 +24,14 @@ if TYPE_CHECKING:
     from pdsolve.operators.protocol import Operator
 
 
-def broken_bonds_by_grid_rows(hybrid: HybridEngine) -> Broken:
-    """The broken bonds of a plate with a fine zone, by the rows of all nodes of its grid."""
-    step, node, spring, *_ = hybrid.break_events()
-    neighbour = node + hybrid.lattice.neighbour_offsets[spring]
-    return Broken(step.astype(np.int64), hybrid.plate.grid_rows_at(node), hybrid.plate.grid_rows_at(neighbour))
-
-
 class SwellingStepperWithFineZone(Swelling):
-    """Steps of a content, of n nodes of the grid, and of a plate that it swells, whose state has the current nodes."""
+    """Steps of a content, of n nodes of the grid, and of what it swells, whose state has the current nodes."""
 
     def __init__(
         self,
         content: Stepper,
         content_state: State,
-        operator: HybridOperator,
+        operator: HybridOperator | HybridBodyOperator,
         model: Model,
         steps_per_content_step: int,
         broken: BrokenBonds | None,
@@ -57,7 +50,7 @@ class SwellingStepperWithFineZone(Swelling):
 
     def on_operator(self, operator: Operator) -> SwellingStepperWithFineZone:
         """This stepper, with other current nodes of the same plate."""
-        self._operator = self._bonds = cast("HybridOperator", operator)
+        self._operator = self._bonds = cast("HybridOperator | HybridBodyOperator", operator)
         return self
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]], state: State, step: int, broken: Broken) -> None:
@@ -67,11 +60,8 @@ class SwellingStepperWithFineZone(Swelling):
 
     def energy_density_at_zero_displacement(self, state: State) -> NDArray[np.float64]:
         """The energy densities (n,) of the current nodes at no displacement, J/m^3, inside of one material."""
-        hybrid, rows = self._operator.engine, self._operator.grid_rows
-        lattice, plate = hybrid.lattice, hybrid.plate
-        # Of each material, at a stretch of 1
-        density = (lattice.material_bond_stiffness / lattice.spring_table[:, 4]).sum(axis=1) / 4 / lattice.spacing**2
-        return np.asarray(density[plate.model.material_of[rows]] * self._strain()[rows] ** 2)
+        rows = self._operator.grid_rows
+        return self._operator.engine.energy_density_at_unit_stretch(rows) * self._strain()[rows] ** 2
 
     def advance(self, state: State, first_step: int, end_step: int) -> int:
         """Take the steps `first_step` to `end_step` - 1 of both; returns the last one. Raises UnstableError.

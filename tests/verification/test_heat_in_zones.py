@@ -20,7 +20,7 @@ from pdsolve.results import Results
 from pdsolve.run.measures import compute_output_fields
 from pdsolve.run.prepare import prepare
 from pdsolve.run.simulation import resume, simulate
-from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone, broken_bonds_by_grid_rows
+from pdsolve.run.swelling_with_fine_zone import SwellingStepperWithFineZone
 from pdsolve.run.system import PreparedRun, create_system_if_zone_changed
 from pdsolve.zone.cells import COARSE, FINE
 
@@ -190,7 +190,7 @@ def test_threads_do_not_show_and_broken_bonds_are_known(small: Model) -> None:
     operator = one.system.moving_zone_operator
     assert operator is not None
     own, ids = operator.broken(), one.system.model.grid.ids
-    every, grid = broken_bonds_by_grid_rows(operator.engine), small.grid  # type: ignore[arg-type]
+    every, grid = operator.engine.broken_by_grid_rows(), small.grid  # type: ignore[union-attr]
     assert len(own.step) > 100
     for side in ("source", "target"):
         assert np.array_equal(ids[getattr(own, side)], grid.ids[getattr(every, side)])

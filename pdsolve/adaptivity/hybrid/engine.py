@@ -34,6 +34,7 @@ from pdsolve.conditions import ACCELERATION, Drive
 from pdsolve.errors import CheckpointError
 from pdsolve.numerics.thread_team import gate_of, side_by_side
 from pdsolve.operators.protocol import CheckpointArrays
+from pdsolve.state import Broken
 from pdsolve.zone.cells import COARSE, FAR, FINE, FREE, IDLE, place_on_finer_lattice
 from pdsolve.zone.springs import double_green_strain_from_stretch
 from pdsolve.zone.summary import ZoneSummary, create_too_late_error
@@ -227,6 +228,18 @@ class HybridEngine:
         self.zone = now
         set_all_swelling_offsets(self.lattice, self.zone, self.displacement_buffer_index)
         return energy
+
+    def energy_density_at_unit_stretch(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Energy density (k,), J/m^3, at these rows of the grid, inside of one material whose bonds have stretch 1."""
+        lattice = self.lattice
+        density = (lattice.material_bond_stiffness / lattice.spring_table[:, 4]).sum(axis=1) / 4 / lattice.spacing**2
+        return np.asarray(density[self.plate.model.material_of[rows]])
+
+    def broken_by_grid_rows(self) -> Broken:
+        """The broken bonds, by the rows of all nodes of the grid."""
+        step, node, spring, *_ = self.break_events()
+        neighbour = node + self.lattice.neighbour_offsets[spring]
+        return Broken(step.astype(np.int64), self.plate.grid_rows_at(node), self.plate.grid_rows_at(neighbour))
 
     def add_work(self, work: float) -> None:
         """Book an energy, J/m, as work done on the plate."""

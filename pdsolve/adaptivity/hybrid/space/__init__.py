@@ -10,6 +10,7 @@ are a second lattice under the same kernel. The remaining parts of clipped bonds
     coarse_springs    constants of the springs, and the lattice of those that there are
     clipped_pieces    compiled sum of the forces of eight pieces
     pieces            forces and energies of clipped bonds
+    swelling          what strains of heat or a solvent do to nodes and to places between coarse ones
     zone              which cells are fine at the start, and which become fine
     march             time steps, some in one call of a kernel
     engine            nodes in motion, and what cells that become fine change of them

@@ -1,11 +1,13 @@
 """The innermost loop of clipped bonds as vector code: eight pieces with the same near end at a time.
 
-u, force    (q, 4) displacements of points, m, and forces on them, N; the last column of u is 0
+u, force    (q, 4) displacements of points, m, and forces on them, N; the last column of u is minus half the strain of
+            free points, if pieces swell
 xi          (g, 4) xi from the near end to the far one, m, and 1 / |xi|^2
 far, row    (p,) points at the far ends of pieces, and their rows of xi
 k, breaks   (p,) stiffness, N/m, and the least e at which bonds soften or break over that of the piece's
 top         (8,) the largest of e times `limit_ratio` so far
 at, near    the first of the eight, and the point at their near end
+swelling    None, or an array: pieces swell
 """
 
 from __future__ import annotations
@@ -29,19 +31,22 @@ _FIRST, _LAST = (0, 1, 8, 9, 4, 5, 12, 13), (2, 3, 10, 11, 6, 7, 14, 15)
 
 
 @intrinsic
-def add_forces_of_eight_bond_pieces(typingctx, u, force, xi, far_points, row, k, limit_ratio, largest, at, near_point):  # type: ignore[no-untyped-def]
+def add_forces_of_eight_bond_pieces(  # type: ignore[no-untyped-def]
+    typingctx, u, force, xi, far_points, row, k, limit_ratio, largest, at, near_point, swelling
+):
     """Add the forces of eight pieces on their ends."""
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         arrays = zip(signature.args[:8], values[:8], strict=True)
         data = [context.make_array(kind)(context, builder, array).data for kind, array in arrays]
-        _add(builder, data, *values[8:])
+        _add(builder, data, values[8], values[9], not isinstance(swelling, types.NoneType))
         return context.get_dummy_value()
 
-    return types.void(u, force, xi, far_points, row, k, limit_ratio, largest, types.int64, types.int64), generate
+    numbers = types.int64, types.int64
+    return types.void(u, force, xi, far_points, row, k, limit_ratio, largest, *numbers, swelling), generate
 
 
-def _add(builder: ir.IRBuilder, data: list[Any], at: Any, near_point: Any) -> None:
+def _add(builder: ir.IRBuilder, data: list[Any], at: Any, near_point: Any, swells: bool) -> None:
     where, force, ways, far_points, row, k, limit_ratio, largest = data
     others = [_load_integer(builder, far_points, at, n) for n in range(TOGETHER)]
     near_u = _load(builder, where, builder.mul(near_point, INT(_ACROSS)), _ROW)
@@ -49,6 +54,9 @@ def _add(builder: ir.IRBuilder, data: list[Any], at: Any, near_point: Any) -> No
     eta = [builder.fsub(far_off, _emit_broadcast(builder, near_u, axis)) for axis, far_off in enumerate(far_u[:3])]
     of = (builder.mul(_load_integer(builder, row, at, n), INT(_ACROSS)) for n in range(TOGETHER))
     *reference, inverse = _columns(builder, [_load(builder, ways, row_start, _ROW) for row_start in of])
+    if swells:
+        shrink = builder.fadd(far_u[3], _emit_broadcast(builder, near_u, 3))
+        eta = [_emit_fused_multiply_add(builder, shrink, x, y) for x, y in zip(reference, eta, strict=True)]
     e = _llvm_constant_vector(0.0)
     for x, y in zip(reference, eta, strict=True):
         e = _emit_fused_multiply_add(builder, _emit_fused_multiply_add(builder, _llvm_constant_vector(2.0), x, y), y, e)

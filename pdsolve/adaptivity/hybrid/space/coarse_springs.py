@@ -24,7 +24,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.force_polynomials import NARROW
 from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tile_bonds import INVERSE, PULL, offset_table
-from pdsolve.lattice.tiles import ALIKE, EMPTY, MODULUS, SOFT_GENERAL, VOLUME, Tiles
+from pdsolve.lattice.tiles import ALIKE, EMPTY, MODULUS, SOFT_GENERAL, VOLUME, Tiles, displaced_of_bond
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
 from pdsolve.numerics.memory import aligned
@@ -165,10 +165,9 @@ def add_spring_energies(tiles, u, node_energy, tile_numbers):  # type: ignore[no
 @njit(**INNER)
 def _spring_double_green_strain(tiles, u, site, slot):  # type: ignore[no-untyped-def]
     """The e of a spring."""
-    row, near = tiles.vectors[slot], tiles.margin + site
-    far, e = near + tiles.offsets[slot], 0.0
+    row, near, e = tiles.vectors[slot], tiles.margin + site, 0.0
     for axis in range(3):
-        eta = u[axis, far] - u[axis, near]
+        eta = displaced_of_bond(u, tiles.shrink, row, axis, near, tiles.offsets[slot])
         e += row[INVERSE] * eta * (2 * row[axis] + eta)
     return e
 

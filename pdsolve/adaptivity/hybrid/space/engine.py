@@ -24,6 +24,7 @@ from pdsolve.adaptivity.hybrid.space.march import (
     sweep_zone,
 )
 from pdsolve.adaptivity.hybrid.space.materials import fine_node_masses
+from pdsolve.adaptivity.hybrid.space.swelling import SwellingBody, bending_of_places
 from pdsolve.adaptivity.hybrid.space.zone import refine_cells_within_radius
 from pdsolve.checkpoint_validation import entry, like
 from pdsolve.codegen.vector_code import ROW
@@ -35,8 +36,9 @@ from pdsolve.lattice.march import LatticeMarch, SweepRange
 from pdsolve.lattice.marched_bonds import MarchedTiles
 from pdsolve.lattice.operator import TileLattice
 from pdsolve.lattice.sums import sum_some
-from pdsolve.lattice.tiles import EMPTY, SOFTENED, VOLUME
-from pdsolve.numerics.memory import bytes_of_arrays
+from pdsolve.lattice.tile_bonds import INVERSE, PULL
+from pdsolve.lattice.tiles import EMPTY, MODULUS, SOFTENED, VOLUME
+from pdsolve.numerics.memory import aligned_zeros, bytes_of_arrays
 from pdsolve.numerics.thread_team import gate_of, side_by_side
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken, State, zero_state
@@ -68,7 +70,7 @@ class CurrentNodes(NamedTuple):
     fine_places: NDArray[np.int64]  # (k - j,)
 
 
-class BodyEngine:
+class BodyEngine(SwellingBody):
     """A body in motion."""
 
     def __init__(
@@ -93,13 +95,16 @@ class BodyEngine:
             unbreakable=np.append(tiles.unbreakable, np.ones(self.node_count, np.bool_)),  # those on the border
             material=np.tile(tiles.material, 2),
         )
-        bound = np.zeros(self.node_count)
-        self.fine = TileLattice(full_body.law, tiles, sites._replace(node=tiles.node), bound, True, threads)
         strength = coarse_springs.coarse_spring_stiffnesses(
             coarse_springs.cubic_stiffness(tiles.vectors), vertex_force_ratio, sites.spacing
         )
         springs = coarse_springs.create_spring_tiles(full_body.law, full_body.coarse_sites, strength)
         springs = tile_bonds.in_precision(springs, kind)
+        if full_body.swells:
+            tiles = tiles._replace(shrink=aligned_zeros(tiles.cells.shape[1], kind))
+            springs = springs._replace(shrink=aligned_zeros(springs.cells.shape[1], kind))
+        bound = np.zeros(self.node_count)
+        self.fine = TileLattice(full_body.law, tiles, sites._replace(node=tiles.node), bound, True, threads)
         self.coarse = TileLattice(full_body.law, springs, full_body.coarse_sites, bound, True, threads)
         self.state = zero_state(2 * self.node_count, 3, kind)._replace(
             value=np.zeros((0, 3), kind), rate=np.zeros((0, 3), kind)
@@ -115,6 +120,7 @@ class BodyEngine:
             self._fine_mass = fine_node_masses(model, sites, fine)
         self.rho = np.ones(self.node_count) if model is None else model.rho.astype(np.float64)  # (n,) kg/m^3
         self.refinement_energy, self.largest_strain, self.cell_changes = 0.0, np.zeros(1), 0
+        self.swelling_work = 0.0  # J, done on it as it swelled
         self._removed = 0  # bonds, of those broken so far, that those of the whole body are without
         self.time_step = self.time = 0.0
         self.damping = np.append(full_body.damping_rates, np.zeros(len(full_body.damping_rates)))
@@ -226,7 +232,11 @@ class BodyEngine:
         on, w = np.zeros((len(border), arrangement.ENDS), np.int64), np.zeros((len(border), arrangement.ENDS))
         arrangement.fill_border_interpolation_nodes(numbering, border, on, w)
         border_nodes = BorderNodes(
-            margins[0] + border, margins[1] + self.coarse_sites_at(on), w, self.fine_volume[border]
+            margins[0] + border,
+            margins[1] + self.coarse_sites_at(on),
+            w,
+            self.fine_volume[border],
+            np.zeros((len(border), 3)) if self.full_body.swells else None,
         )
 
         def encode_places(at: NDArray[np.int32]) -> NDArray[np.int64]:
@@ -234,7 +244,7 @@ class BodyEngine:
             return np.where(is_free, margins[0] + at.astype(np.int64), -1 - margins[1] - self.coarse_sites_at(at))
 
         springs = pieces.create_grouped_bond_piece_springs(
-            self.full_body.fine_lattice, self.node_kinds, encode_places, self.clipped_pieces
+            self.full_body.fine_lattice, self.node_kinds, encode_places, self.clipped_pieces, self.full_body.swells
         )
         ends, is_on_border = springs.points.interpolation_nodes.ravel(), np.zeros(len(self.node_kinds), np.bool_)
         is_on_border[border] = True
@@ -259,9 +269,21 @@ class BodyEngine:
             self.least_peak_strain,
             self.largest_strain,
         )
+        if self.full_body.swells:
+            self._locate_seam()
         # under the conditions, and without any; made as they are asked for
         self._marches: tuple[LatticeMarch, LatticeMarch] | None = None
         self._free_marches: tuple[LatticeMarch, LatticeMarch] | None = None
+
+    def energy_density_at_unit_stretch(self, rows: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Energy density (k,), J/m^3, at these rows of the grid, inside of one material whose bonds have stretch 1."""
+        tiles, sites = self.full_body.fine_lattice.tiles, self.full_body.fine_sites
+        density = float((tiles.vectors[:, PULL] / tiles.vectors[:, INVERSE]).sum()) / 4
+        return np.asarray(density * 2.0 * tiles.cells[MODULUS, sites.site[rows]])
+
+    def broken_by_grid_rows(self) -> Broken:
+        """The broken bonds, by the rows of all nodes of the grid."""
+        return self.fine.broken()
 
     @property
     def least_peak_strain(self) -> float:
@@ -519,6 +541,9 @@ class BodyEngine:
         places = self.full_body.coarse_sites.margin + self.coarse_sites_at(coarse_sites)
         motion = [(w * values[0][:, places]).sum(axis=2) for values in (self.coarse.u, self.coarse.v)]
         second = (w[:, :, None] * self.state.second[on]).sum(axis=1)
+        if self.full_body.swells:
+            corners = np.stack(lattice_coordinates(numbering.fine, coarse_sites), axis=-1).astype(np.float64)
+            motion[0] = motion[0] + self.offsets_at_places(bending_of_places(numbering.fine, corners, w)).T
         self._derive_nodes(new)
         is_new = self.node_kinds[near[~was_free]] == FREE
         at = self.full_body.fine_sites.margin + near[~was_free][is_new]
@@ -646,6 +671,7 @@ class BodyEngine:
             "rate": self.gather(self.coarse.v[0], self.fine.v[0]),
             "cells": self.cell_kinds.copy(),
             "zone_books": np.array([self.refinement_energy, self.largest_strain[0], self.time]),
+            **({"zone_swelling_work": np.array([self.swelling_work])} if self.full_body.swells else {}),
             "zone_held_force": self.held_force.copy(),
             "break_step": step,
             "break_source": source,
@@ -677,6 +703,8 @@ class BodyEngine:
             self.scatter(entry(checkpoint, name, (3, len(self.nodes.rows)), np.dtype(self.kind)), *both)
         books = entry(checkpoint, "zone_books", (3,), float).tolist()
         self.refinement_energy, self.largest_strain[0], self.time = books
+        if self.full_body.swells:
+            self.swelling_work = float(entry(checkpoint, "zone_swelling_work", (1,), float)[0])
         self.held_force[:] = like(checkpoint, "zone_held_force", self.held_force)
         self.zone_drive = self._create_drive()
 

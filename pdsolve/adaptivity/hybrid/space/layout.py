@@ -38,6 +38,7 @@ class FullBody(NamedTuple):
     full_drive: Drive | None = None  # conditions on all fine nodes
     damping_rates: NDArray[np.float64] = np.zeros(0)  # (n,) 1/s, of all fine nodes
     ground_springs: Entries | None = None  # of all fine nodes, N/m^4
+    swells: bool = False  # whether heat or a solvent swells it
 
 
 def list_bonds_of_sites(

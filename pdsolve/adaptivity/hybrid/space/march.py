@@ -11,11 +11,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.pieces import GroupedBondPieceSprings, add_bond_piece_forces
-from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.inner_functions import INNER, overloaded
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside
 from pdsolve.codegen.vector_code import ROW
@@ -32,6 +32,7 @@ class BorderNodes(NamedTuple):
     coarse_places: NDArray[np.int64]  # (b, 4)
     weights: NDArray[np.float64]  # (b, 4)
     volume: NDArray[np.float64]  # (b,) m^3
+    off: NDArray[np.float64] | None  # (b, 3) how far they are off where coarse nodes move them, m; None: none swells
 
 
 class GroundSprings(NamedTuple):
@@ -150,6 +151,21 @@ def interpolate_border_displacements(border, coarse_u, u):  # type: ignore[no-un
             for m in range(border.weights.shape[1]):
                 displacement += border.weights[n, m] * coarse_u[axis, border.coarse_places[n, m]]
             u[axis, border.place[n]] = displacement
+    _move_off(border.place, border.off, u)
+
+
+@overloaded(INNER)
+def _move_off(place, off, u):  # type: ignore[no-untyped-def]
+    """Move nodes on the border off where coarse nodes have them, if nodes swell."""
+    if isinstance(off, types.NoneType):
+        return lambda place, off, u: None
+
+    def move(place, off, u):  # type: ignore[no-untyped-def]
+        for n in range(len(place)):
+            for axis in range(len(u)):
+                u[axis, place[n]] += off[n, axis]
+
+    return move
 
 
 @njit(**INNER)

@@ -107,6 +107,10 @@ class HybridBodyOperator(TwoLatticeOperator[BodyEngine]):
         engine.scatter(state.value[by_engine].T, engine.coarse.u[0], engine.fine.u[0])
         engine.scatter(state.rate[by_engine].T, engine.coarse.v[0], engine.fine.v[0])
 
+    def swell(self, strain: NDArray[np.float64]) -> None:
+        """Let springs stretch from their lengths at these strains (n,) of all nodes of the grid, were they free."""
+        self.engine.set_swelling_strain(strain)
+
     def copy_to_state(self, state: State) -> None:
         """Update a state from the nodes."""
         engine = self.engine
@@ -146,6 +150,7 @@ class HybridBodyOperator(TwoLatticeOperator[BodyEngine]):
         dissipated, work, damped = (
             float((self.area * values[self.grid_rows]).sum()) for values in (state.dissipated, state.work, state.damped)
         )
+        work += self.engine.swelling_work
         broken = len(self.engine.fine.broken().step)
         return EnergyBalanceTotals(kinetic, self._strain, dissipated + self._softening, damped, work, x, y, broken, z)
 

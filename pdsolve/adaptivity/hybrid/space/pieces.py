@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import njit, types
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.arrangement import (
@@ -22,7 +22,7 @@ from pdsolve.adaptivity.hybrid.space.arrangement import (
     create_bond_piece_end_points,
 )
 from pdsolve.adaptivity.hybrid.space.clipped_pieces import TOGETHER, add_forces_of_eight_bond_pieces
-from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.inner_functions import INNER, overloaded
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.numerics.memory import aligned
 from pdsolve.zone.cells import floor_divide, place_number_at
@@ -48,9 +48,11 @@ class GroupedBondPieceSprings(NamedTuple):
     points: BondPieceEndPoints  # with fine places of nodes, or -1 - coarse places
     groups: BondPieceGroupsOfEight
     xi: NDArray[np.float64]  # (d, 4) xi, m, 1 / |xi|^2
-    point_displacements: NDArray[np.float64]  # (q, 4) room for the displacements of points; the last column is 0
+    point_displacements: NDArray[np.float64]  # (q, 4) room for the displacements of points; see `clipped_pieces`
     point_forces: NDArray[np.float64]  # (q, 4) room for their forces
     largest_scaled_strains: NDArray[np.float64]  # (8,) room for the largest e times `limit_strain_ratio`
+    # (q, 4) how far points are off where nodes move them, m, and minus half the strain of free ones; None: none swells
+    point_swelling: NDArray[np.float64] | None
 
 
 class PlaceHashTable(NamedTuple):
@@ -68,9 +70,13 @@ def create_grouped_bond_piece_springs(
     node_kinds: NDArray[np.uint8],
     encode_places: Callable[[NDArray[np.int32]], NDArray[np.int64]],
     pieces: NDArray[ClippedBondPiece],
+    swells: bool,
 ) -> GroupedBondPieceSprings:
-    """The springs of pieces; `node_kinds` (sites,) are those of fine nodes, and `encode_places` says where the nodes at
-    fine sites are: their places on the fine lattice, or -1 less those on the coarse one."""
+    """The springs of pieces, which may swell.
+
+    `node_kinds` (sites,) are those of fine nodes, and `encode_places` says where the nodes at fine sites are: their
+    places on the fine lattice, or -1 less those on the coarse one.
+    """
     count = len(pieces)
     room = count + (TOGETHER - 1) * (np.count_nonzero(np.diff(pieces["near_end_place"])) + 1) if count else 0
     group_count, entry_count = room // TOGETHER, room // TOGETHER * TOGETHER
@@ -101,6 +107,7 @@ def create_grouped_bond_piece_springs(
         u,
         force,
         np.zeros(TOGETHER),
+        np.zeros((points, 4)) if swells else None,
     )
 
 
@@ -179,7 +186,17 @@ def add_bond_piece_forces(fine_u, coarse_u, pieces, fine_force, coarse_force):  
     for g in range(len(groups.near_point)):
         near = np.int64(groups.near_point[g])
         add_forces_of_eight_bond_pieces(
-            u, sums, xi, far, rows, k, least, pieces.largest_scaled_strains, TOGETHER * g, near
+            u,
+            sums,
+            xi,
+            far,
+            rows,
+            k,
+            least,
+            pieces.largest_scaled_strains,
+            TOGETHER * g,
+            near,
+            pieces.point_swelling,
         )
     for q in range(len(points.interpolation_node_count)):
         for m in range(points.interpolation_node_count[q]):
@@ -206,6 +223,20 @@ def _set_point_displacements(fine_u, coarse_u, pieces):  # type: ignore[no-untyp
                 place, share = points.interpolation_nodes[q, m], points.interpolation_weights[q, m]
                 displacement += share * (fine_u[axis, place] if place >= 0 else coarse_u[axis, -1 - place])
             u[q, axis] = displacement
+    _add_swelling(u, pieces.point_swelling)
+
+
+@overloaded(INNER)
+def _add_swelling(u, swelling):  # type: ignore[no-untyped-def]
+    """Add how far points are off, and set the last column, where pieces swell."""
+    if isinstance(swelling, types.NoneType):
+        return lambda u, swelling: None
+
+    def add(u, swelling):  # type: ignore[no-untyped-def]
+        u[:, 3] = 0.0
+        u += swelling
+
+    return add
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -220,7 +251,7 @@ def add_bond_piece_energies(fine_u, coarse_u, pieces, site_mask, fine_energy, co
         if not site_mask[groups.near_end_site[n // TOGETHER]] or groups.stiffness[n] == 0:
             continue
         for axis in range(3):
-            eta = u[j, axis] - u[i, axis]
+            eta = u[j, axis] - u[i, axis] + (u[i, 3] + u[j, 3]) * row[axis]
             e += row[3] * eta * (2 * row[axis] + eta)
         stretch = e / (np.sqrt(1 + e) + 1)
         end_energy = groups.stiffness[n] / row[3] * stretch * stretch / 4

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Hybrid
+from pdsolve.adaptivity.hybrid.prepare import rows_with_content_jumps
 from pdsolve.adaptivity.hybrid.space import coarse_springs
 from pdsolve.adaptivity.hybrid.space.arrangement import (
     BLOCK,
@@ -37,7 +38,7 @@ from pdsolve.model import Model
 from pdsolve.operators.ground_supports import springs_of_components
 from pdsolve.schemes.cubic_lattice_bonds import tiled
 from pdsolve.zone.bond_parts import divide_bonds_at_cell_borders
-from pdsolve.zone.cells import FINE, VOID, create_body_numbering
+from pdsolve.zone.cells import FINE, VOID, create_body_numbering, lattice_coordinates
 from pdsolve.zone.prescribed_motion import nodes_kept_fine_by_prescribed_motion
 from pdsolve.zone.refusals import create_unsupported_error
 
@@ -54,6 +55,8 @@ def create_body_operator_and_stable_step(
 
     Raises ModelError for a body that the method does not support.
     """
+    swells, steep = model.swells, rows_with_content_jumps(model)
+    model = model.moving_part() if swells else model
     tiling = tiled(model, np.float64)
     if tiling is None:
         raise create_unsupported_error(
@@ -75,9 +78,10 @@ def create_body_operator_and_stable_step(
     cracks = (model.grid.cracks.reshape(-1, 3, 3) - first) / h
     lookups = (tiling.sites.site.astype(np.int64) - tiling.sites.margin).__getitem__, tiles.node.__getitem__
     unfit_nodes = nodes_kept_fine_by_prescribed_motion(model, numbering.fine, *lookups)
-    cells = initial_cell_kinds(
-        numbering, volume, tiles.node[:count].reshape(shape) >= 0, full_body.fine_lattice.reach, cracks, unfit_nodes
-    )
+    steep_nodes = np.column_stack(lattice_coordinates(numbering.fine, lookups[0](steep)))
+    has_node = tiles.node[:count].reshape(shape) >= 0
+    of_surroundings = full_body.fine_lattice.reach, cracks, unfit_nodes, steep_nodes
+    cells = initial_cell_kinds(numbering, volume, has_node, *of_surroundings)
     ground_springs = springs_of_components(model, model.grid.cells)
     support = (ground_springs.value / model.rho[ground_springs.node]).max(initial=0.0) / 2
     resistance = float((tiling.stiffness_bound / model.rho).max()) / SEAM + support
@@ -88,6 +92,7 @@ def create_body_operator_and_stable_step(
         full_drive=driven,
         damping_rates=damping(model),
         ground_springs=ground_springs,
+        swells=swells,
     )
     vertex_force, kind = compute_vertex_force_ratio(law, tiles.vectors, h), np.dtype(precision).type
     engine, bound = BodyEngine(full_body, cells, vertex_force, threads, kind), float(np.sqrt(2 / resistance))

@@ -29,9 +29,10 @@ def initial_cell_kinds(
     reach: int,
     cracks: NDArray[np.float64],
     unfit_nodes: NDArray[np.int64],
+    steep_nodes: NDArray[np.int64],
 ) -> NDArray[np.uint8]:
-    """Initial cells (c,): fine around pre-cracks, where a surface cuts cells and beside the fine nodes `unfit_nodes`
-    (k, 3), coarse elsewhere.
+    """Initial cells (c,): fine around pre-cracks, where a surface cuts cells, beside the fine nodes `unfit_nodes`
+    (k, 3) and around `steep_nodes` (j, 3), coarse elsewhere.
 
     `volume` and `has_node` (z, y, x) are of fine nodes: cells over h^3, and whether there is one. `cracks` (t, 3, 3)
     are triangles in spacings from the first node. A face along cells cuts none, except at re-entrant edges.
@@ -43,14 +44,21 @@ def initial_cell_kinds(
     cells = np.where(in_body, FINE, VOID).astype(np.uint8)
     cells[good] = COARSE
     if (in_body & ~good).any():
-        from scipy import ndimage  # takes long to import
-
-        away = 2 * ndimage.distance_transform_edt(~(in_body & ~good)) - 1
-        cells[(away <= reach + RING) & good] = FINE
+        cells[(_distance_in_spacings(in_body & ~good) <= reach + RING) & good] = FINE
     _refine_around_cracks(cells, cracks)
     cells = np.pad(cells, numbering.cells.margins[0], constant_values=VOID)
     cells[mask_cells_around_nodes(numbering, unfit_nodes) & (cells == COARSE)] = FINE
+    if len(steep_nodes):
+        away = _distance_in_spacings(mask_cells_around_nodes(numbering, steep_nodes))
+        cells[(away <= reach + RING) & (cells == COARSE)] = FINE
     return cells.ravel()
+
+
+def _distance_in_spacings(cells: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """The distance (z, y, x) of all cells from those of a mask, in spacings."""
+    from scipy import ndimage  # takes long to import
+
+    return np.asarray(2 * ndimage.distance_transform_edt(~cells) - 1)
 
 
 def _refine_around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64]) -> None:

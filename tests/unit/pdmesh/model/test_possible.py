@@ -146,9 +146,9 @@ def changed(**more: Any) -> Material:
             naming("$.run.adapt", found="'split'", expected=("none", "hybrid", "space")),
         ),
         (
-            heated(GLASS, Run(adapt="hybrid")),
-            3,
-            naming("$.physics", found="thermoelastic", expected=("mechanics", "space")),
+            heated(GLASS, Run(adapt="split")),
+            2,
+            naming("$.run.adapt", found="'split'", expected=("none", "hybrid", "thermoelastic")),
         ),
         (
             of(changed(solid="neo hooke"), Run(cracks="particles")),
