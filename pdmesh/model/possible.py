@@ -246,7 +246,7 @@ DISPLACED = Feature("initial displacements", conditions(InitialDisplacement))
 STATE_BASED = Feature("state-based and micropolar models", models("ordinary", "correspondence", "micropolar"), "bond")
 ORDINARY = Feature("ordinary", models("ordinary"), "bond")
 CORRESPONDENCE = Feature("correspondence", models("correspondence"), "bond or ordinary")
-MICROPOLAR = Feature("micropolar", models("micropolar"), "bond or ordinary", ", as the model is micropolar")
+MICROPOLAR = Feature("micropolar", models("micropolar"), "bond or ordinary")
 BEAMS = Feature("micropolar beams", materials("model", lambda m: m.model == "micropolar" and not softens(m)), OTHERS)
 CURVED = Feature("cohesive or own laws", materials("law", lambda m: m.law not in MIXED), f"{USUAL_LAW} or bilinear")
 COHESIVE = Feature("cohesive bonds", materials("law", lambda m: m.law == "cohesive"), f"{USUAL_LAW} or bilinear")
@@ -265,6 +265,20 @@ FLOW = Feature(
     materials("solid", lambda m: SOLIDS[m.solid].flows),
     " or ".join(f"'{solid.name}'" for solid in SOLIDS.values() if not solid.flows),
     ", as the solid flows",
+)
+LISTED = Feature(
+    "laws of listed bonds",
+    materials(
+        "model",
+        lambda m: (
+            m.model == "micropolar"
+            or SOLIDS[m.solid].flows
+            or m.order > 1
+            or m.constant_term
+            or m.control == "breitzman-dayal"
+        ),
+    ),
+    why=", as blocks do not have the law of the material",
 )
 RATE = Feature("rate form", materials("form", lambda m: m.form == "rate"), "total")
 HISTORY = Feature(
@@ -290,7 +304,6 @@ def excluded(by: Feature, *features: Feature, use: str = "", because: str = "") 
 
 ONE_BODY = " (adaptive cells exist for a single body only, and coarse cells would not detect contact)"
 NO_HEAT = " (contact transmits forces but no heat)"
-NO_LAW = " (blocks have no such law)"
 UNHELD = " (dynamic relaxation cannot distinguish slow convergence from free motion)"
 LAST = "bond (or --adapt none; version 1.0.0 was the last with zones of ordinary solids)"
 TABLE: tuple[Exclusion, ...] = (
@@ -323,8 +336,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(STATIC, STIFFNESS_DAMPING, SHORTER),
     *excluded(STATIC, RESTITUTION, because=" (nothing bounces)"),
     *excluded(FLOW, SINGLE),
-    *excluded(FLOW, KERNEL, because=NO_LAW),
-    *excluded(MICROPOLAR, KERNEL, because=NO_LAW),
+    *excluded(LISTED, KERNEL),
     *excluded(STATIC, START, use="none"),
     *excluded(STATIC, VELOCITY, ACCELERATION, DISPLACED, ABSORB, RIGID, use="a load or a displacement"),
     *excluded(STATIC, BEAMS, use=f"{OTHERS}, or law 'cohesive'", because=ROTATIONS),
