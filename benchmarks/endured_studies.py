@@ -139,25 +139,25 @@ def scheduled(folder: Path, until: Until) -> Part:
     def begun() -> dict[str, subprocess.Popen[bytes]]:
         return {"the scheduler": dask("scheduler", "--port", str(port)), "a worker": worker()}
 
-    lost, crew, dice = 0, begun(), random.Random(4)
+    lost, workers, dice = 0, begun(), random.Random(4)
     try:
         while until(60.0) and not study.rows:
             child = study.begin()
-            victims = crew | {"who keeps the table": child}
+            victims = workers | {"who keeps the table": child}
             name = sorted(victims)[study.kills.total() % len(victims)]
             if _goes_on(child, until, dice.uniform(SOON, LATE)):
                 victims[name].kill()
                 study.kills[name] += 1
             if name == "a worker":
-                _end(crew.pop(name))
-                crew[name] = worker()
+                _end(workers.pop(name))
+                workers[name] = worker()
             lost += not _ends(study, child, until)
             study.ended(child)
             if name == "the scheduler":
-                _end(*crew.values())
-                crew = begun()
+                _end(*workers.values())
+                workers = begun()
     finally:
-        _end(*crew.values())
+        _end(*workers.values())
     part = study.part()
     return part._replace(lost=part.lost + lost)
 

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from pdsolve.run.simulation import resume, simulate
     from pdsolve.schemes import bond_pairs
     from pdsolve.study.description import Study, StudyError, read_study
-    from pdsolve.study.dispatch import Crew, StudyWatch, solve_study
+    from pdsolve.study.dispatch import StudyWatch, StudyWorkers, solve_study
     from pdsolve.study.plan import plan_study, study_plan_lines
 else:
     __getattr__, __dir__ = lazily(
         __name__,
         {
-            "Crew": "pdsolve.study.dispatch",
+            "StudyWorkers": "pdsolve.study.dispatch",
             "Model": "pdsolve.model",
             "ModelError": "pdsolve.model",
             "ModelWarning": "pdsolve.model",
@@ -51,7 +51,6 @@ else:
     )
 
 __all__ = [
-    "Crew",
     "Model",
     "ModelError",
     "ModelWarning",
@@ -62,6 +61,7 @@ __all__ = [
     "Study",
     "StudyError",
     "StudyWatch",
+    "StudyWorkers",
     "UnstableError",
     "Watch",
     "bond_pairs",

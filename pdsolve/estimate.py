@@ -128,7 +128,7 @@ class Plan(NamedTuple):
 
 def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
     """Cost of solving the model; with a moving fine zone, that of its initial state. Raises ModelError."""
-    if model.diffuses:
+    if model.has_diffusion_only:
         return _estimate_diffusion_cost(model, options)
     model = with_chosen_adaptivity(model, options)
     scheme, settings = select_scheme(model, options), model.settings

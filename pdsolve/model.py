@@ -123,7 +123,7 @@ class Model:
                 )
 
     @property
-    def diffuses(self) -> bool:
+    def has_diffusion_only(self) -> bool:
         """Whether the model is one of diffusion alone."""
         return self.settings.physics == "diffusion"
 

@@ -49,7 +49,7 @@ FAR = 2.0  # spacings: a point farther from all nodes is beside the body
 MOVED = 1 / 32  # of a spacing: how far from all nodes a crack is that was moved
 
 
-class Cloud(NamedTuple):
+class BodyNodes(NamedTuple):
     """All nodes of all levels; n of them."""
 
     levels: Sequence[Cubic | Scattered]
@@ -68,10 +68,10 @@ def build_body(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
     """
     grid, settings, remarks = _beside(body) if body.bodies else _alone(body)
     if body.run.gaps:
-        cloud = Cloud([], grid.position, grid.delta)
+        body_nodes = BodyNodes([], grid.position, grid.delta)
         for gap in body.run.gaps:
             for end in gap.ends:
-                _at(end, f"gap '{gap.name}'", cloud)
+                _at(end, f"gap '{gap.name}'", body_nodes)
     return grid, settings, remarks
 
 
@@ -139,31 +139,31 @@ def _alone(body: Body, lists: bool = False) -> tuple[Grid, Settings, tuple[str, 
         body = replace(body, spacing=body.finest, zones=())
     levels = _levels(body)
     delta = np.concatenate([level.delta for level in levels])
-    cloud = Cloud(levels, np.concatenate([level.position for level in levels]), delta)
-    cleared = [_clear_of_nodes(crack, cloud) for crack in body.cracks]
+    body_nodes = BodyNodes(levels, np.concatenate([level.position for level in levels]), delta)
+    cleared = [_clear_of_nodes(crack, body_nodes) for crack in body.cracks]
     settings = Settings(
         material=None if body.material is None else in_space(body.material),
         horizon=Horizon(ratio=float(body.horizon)),
         regions=tuple(
             msgspec.structs.replace(
                 part.region,
-                nodes=_nodes(part.solid, f"material '{part.region.name}'", cloud),
+                nodes=_nodes(part.solid, f"material '{part.region.name}'", body_nodes),
                 material=in_space(part.region.material),
             )
             for part in body.regions
         ),
-        conditions=tuple(_condition(condition, body, cloud) for condition in body.conditions),
+        conditions=tuple(_condition(condition, body, body_nodes) for condition in body.conditions),
         physics=body.physics,
         medium=medium_of(body.medium, body.material),
         media=tuple(
-            msgspec.structs.replace(part.region, nodes=_nodes(part.solid, f"medium '{part.region.name}'", cloud))
+            msgspec.structs.replace(part.region, nodes=_nodes(part.solid, f"medium '{part.region.name}'", body_nodes))
             for part in body.media
         ),
         contact=body.touching,
         run=body.run,
     )
     cracks = np.concatenate([np.zeros((0, 9)), *(crack.sheet.triangles.reshape(-1, 9) for crack, _ in cleared)])
-    grid = _grid(body, cloud, cracks, lists)
+    grid = _grid(body, body_nodes, cracks, lists)
     return grid, settings, notes + tuple(remark for _, remarks in cleared for remark in remarks)
 
 
@@ -172,10 +172,10 @@ def _levels(body: Body) -> Sequence[Cubic | Scattered]:
     return place_nodes(body) if body.nodes is None else [Scattered.of(body)]
 
 
-def _grid(body: Body, cloud: Cloud, cracks: NDArray[np.float64], lists: bool) -> Grid:
+def _grid(body: Body, body_nodes: BodyNodes, cracks: NDArray[np.float64], lists: bool) -> Grid:
     """The nodes of a body with triangles (k, 9) of cracks, m: those of a large box as a lattice,
     if not `lists`."""
-    levels, count = cloud.levels, len(cloud.delta)
+    levels, count = body_nodes.levels, len(body_nodes.delta)
     said: dict[str, Any] = {
         "cracks": cracks,
         "outline": tuple(body.shell.triangles),
@@ -186,12 +186,12 @@ def _grid(body: Body, cloud: Cloud, cracks: NDArray[np.float64], lists: bool) ->
     first = levels[0]
     if not lists and count >= MANY and len(levels) == 1 and isinstance(first, Cubic) and first.whole:
         columns, rows, layers = (np.ptp(first.at, axis=0) + 1).tolist()
-        origin = tuple(cloud.position[0].tolist())
+        origin = tuple(body_nodes.position[0].tolist())
         return whole_lattice(Lattice(origin, first.cubes.spacing, columns, rows, layers), **said)
     return Grid(
         ids=np.arange(1, count + 1),
-        position=cloud.position,
-        delta=cloud.delta,
+        position=body_nodes.position,
+        delta=body_nodes.delta,
         border=np.concatenate([level.border for level in levels]),
         hole_id=np.full(count, -1),
         areas=np.concatenate([level.volume for level in levels]),
@@ -204,7 +204,7 @@ def in_space(material: Material) -> Material:
     return msgspec.structs.replace(material, plane="space")
 
 
-def _clear_of_nodes(crack: CrackFace, cloud: Cloud) -> tuple[CrackFace, tuple[str, ...]]:
+def _clear_of_nodes(crack: CrackFace, body_nodes: BodyNodes) -> tuple[CrackFace, tuple[str, ...]]:
     """A crack that passes between nodes, and a remark if it had to be moved across its faces for that.
 
     It moves by the least sixteenths of the finest spacing, fewer than eight, that are enough. Raises SceneError for a
@@ -214,14 +214,14 @@ def _clear_of_nodes(crack: CrackFace, cloud: Cloud) -> tuple[CrackFace, tuple[st
     if not crack.sheet.areas.all():
         flat = int(np.flatnonzero(crack.sheet.areas == 0)[0])
         raise SceneError(f"{place}: triangle {flat} has no area; use three corners apart")
-    near = distances(cloud.position, triangles, float(cloud.delta.max()))
-    if not (near < cloud.delta).any():
+    near = distances(body_nodes.position, triangles, float(body_nodes.delta.max()))
+    if not (near < body_nodes.delta).any():
         raise SceneError(f"{place} is outside the body; put it inside")
-    on = np.flatnonzero(near < CLEARANCE * cloud.delta)
+    on = np.flatnonzero(near < CLEARANCE * body_nodes.delta)
     if not len(on):
         return crack, ()
-    near_rows = np.flatnonzero(near < 2 * cloud.delta)
-    spacing = float(cloud.delta[near_rows].min())
+    near_rows = np.flatnonzero(near < 2 * body_nodes.delta)
+    spacing = float(body_nodes.delta[near_rows].min())
     a, b, c = triangles.transpose(1, 0, 2)
     normal = np.cross(b - a, c - a)
     _, axes = np.linalg.eigh(np.einsum("ti,tj->ij", normal, normal / np.linalg.norm(normal, axis=1, keepdims=True)))
@@ -229,45 +229,45 @@ def _clear_of_nodes(crack: CrackFace, cloud: Cloud) -> tuple[CrackFace, tuple[st
     across = across * np.sign(across[np.abs(across).argmax()])
     for sixteenths in (sign * step for step in range(1, 8) for sign in (1, -1)):
         shifted_triangles = triangles + sixteenths / 16 * spacing * across
-        apart = distances(cloud.position[near_rows], shifted_triangles, spacing)
-        if (apart >= MOVED * cloud.delta[near_rows]).all():
+        apart = distances(body_nodes.position[near_rows], shifted_triangles, spacing)
+        if (apart >= MOVED * body_nodes.delta[near_rows]).all():
             way = ", ".join(f"{step + 0.0:.3g}" for step in sixteenths / 16 * spacing * across)
             remark = f"{place}: moved by ({way}) m, as it met {len(on)} nodes"
             return replace(crack, sheet=Sheet(shifted_triangles)), (remark,)
-    x, y, z = cloud.position[on[0]]
+    x, y, z = body_nodes.position[on[0]]
     raise SceneError(
         f"{place} runs through {len(on)} nodes, the first at ({x:g}, {y:g}, {z:g}) m; put it between nodes, which"
         " are the middles of cubes around the body's own, by a move of less than half a spacing"
     )
 
 
-def _nodes(solid: object, place: str, cloud: Cloud) -> tuple[int, ...]:
+def _nodes(solid: object, place: str, body_nodes: BodyNodes) -> tuple[int, ...]:
     """The ids of those in a solid. Raises SceneError, beginning with `place`."""
     assert isinstance(solid, Shell)
-    rows = np.flatnonzero(cloud.within(solid, place))
+    rows = np.flatnonzero(body_nodes.within(solid, place))
     if not len(rows):
         raise SceneError(
-            f"{place}: no node is in its solid, {_nearest(solid.triangles, cloud)}; enlarge the solid, or use finer"
-            " nodes"
+            f"{place}: no node is in its solid, {_nearest(solid.triangles, body_nodes)}; enlarge the solid, or use"
+            " finer nodes"
         )
     return tuple((rows + 1).tolist())
 
 
-def _nearest(triangles: NDArray[np.float64], cloud: Cloud) -> str:
+def _nearest(triangles: NDArray[np.float64], body_nodes: BodyNodes) -> str:
     """Where the node nearest to triangles (t, 3, 3) is, for a message."""
-    x, y, z = cloud.position[distances(cloud.position, triangles, np.inf).argmin()]
+    x, y, z = body_nodes.position[distances(body_nodes.position, triangles, np.inf).argmin()]
     return f"the nearest is at ({x:g}, {y:g}, {z:g}) m"
 
 
-def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondition:
+def _condition(condition: SolidCondition, body: Body, body_nodes: BodyNodes) -> AnyCondition:
     action, where, place = condition.action, condition.where, describe(condition.action)
     if isinstance(where, str):
         where = face(body.shell, where, place)
-    at_place, surface = _found(where, condition, body, cloud)
+    at_place, surface = _found(where, condition, body, body_nodes)
     rows = np.flatnonzero(at_place)
     if not len(rows):
         within = "in its solid" if isinstance(where, Shell) else f"within {condition.rows} rows"
-        nearest = f", {_nearest(where.triangles, cloud)}" if isinstance(where, Shell | Sheet) else ""
+        nearest = f", {_nearest(where.triangles, body_nodes)}" if isinstance(where, Shell | Sheet) else ""
         raise SceneError(f"{place}: no node is {within}{nearest}; use a larger region, or finer nodes")
     changed: dict[str, object] = {"nodes": tuple((rows + 1).tolist())}
     if isinstance(action, Load) and action.traction is not None:
@@ -277,29 +277,31 @@ def _condition(condition: SolidCondition, body: Body, cloud: Cloud) -> AnyCondit
     if isinstance(action, Concentration | Exchange) and isinstance(where, str):
         axis, end = SIDES[where]
         way = np.zeros((len(rows), 3))
-        way[:, axis] = float(body.shell.bounds[(end + 1) // 2, axis]) - cloud.position[rows, axis]
+        way[:, axis] = float(body.shell.bounds[(end + 1) // 2, axis]) - body_nodes.position[rows, axis]
         changed["edge"] = tuple(map(tuple, way.tolist()))
     if isinstance(action, Concentration | Exchange) and isinstance(where, Sheet):
-        way, above = ways_to(cloud.position[rows], where.triangles, np.inf)
+        way, above = ways_to(body_nodes.position[rows], where.triangles, np.inf)
         rows, way = (rows[above], way[above]) if above.any() else (rows, way)
         changed |= {"nodes": tuple((rows + 1).tolist()), "edge": tuple(map(tuple, way.tolist()))}
-    return sampled(msgspec.structs.replace(action, **changed), condition.functions, cloud.position[rows], place)
+    return sampled(msgspec.structs.replace(action, **changed), condition.functions, body_nodes.position[rows], place)
 
 
-def _found(where: Where, condition: SolidCondition, body: Body, cloud: Cloud) -> tuple[NDArray[np.bool_], float | None]:
+def _found(
+    where: Where, condition: SolidCondition, body: Body, body_nodes: BodyNodes
+) -> tuple[NDArray[np.bool_], float | None]:
     """The nodes (n,) of a place, and its area, m^2, if it is a flat side or a sheet. Raises SceneError."""
     action, place = condition.action, describe(condition.action)
     if isinstance(where, Sheet):
-        reach = condition.rows * cloud.delta * (1 - SLACK)
-        return distances(cloud.position, where.triangles, float(reach.max())) < reach, where.area
+        reach = condition.rows * body_nodes.delta * (1 - SLACK)
+        return distances(body_nodes.position, where.triangles, float(reach.max())) < reach, where.area
     if isinstance(where, str):
         axis, end = SIDES[where]
         side = float(body.shell.bounds[(end + 1) // 2, axis])
-        away = (side - cloud.position[:, axis]) * end
+        away = (side - body_nodes.position[:, axis]) * end
         triangles = body.shell.triangles
         flat = (np.abs(triangles[..., axis] - side) <= SLACK * body.finest).all(axis=1)
         area = Sheet(triangles[flat]).area if flat.any() else None
-        return away < condition.rows * cloud.delta * (1 - SLACK), area
+        return away < condition.rows * body_nodes.delta * (1 - SLACK), area
     what = "at a point" if isinstance(where, shapely.Point) else "in a solid"
     if isinstance(action, Load) and action.traction is not None:
         raise SceneError(
@@ -308,17 +310,17 @@ def _found(where: Where, condition: SolidCondition, body: Body, cloud: Cloud) ->
     if isinstance(action, Spring) and action.stiffness is not None:
         raise SceneError(f"{place}: a stiffness {what} is not possible; use a body_stiffness, or a side or a sheet")
     if isinstance(where, shapely.Point):
-        return _at(where.coords[0], place, cloud), None
+        return _at(where.coords[0], place, body_nodes), None
     assert isinstance(where, Shell)
-    return cloud.within(where, place), None
+    return body_nodes.within(where, place), None
 
 
-def _at(point: Sequence[float], place: str, cloud: Cloud) -> NDArray[np.bool_]:
+def _at(point: Sequence[float], place: str, body_nodes: BodyNodes) -> NDArray[np.bool_]:
     """The node (n,) nearest to a point. Raises SceneError, beginning with `place`, for a point away from all nodes."""
-    away = np.linalg.norm(cloud.position - point, axis=1)
+    away = np.linalg.norm(body_nodes.position - point, axis=1)
     nearest = int(away.argmin())
-    if away[nearest] > FAR * cloud.delta[nearest]:
-        x, y, z = cloud.position[nearest]
+    if away[nearest] > FAR * body_nodes.delta[nearest]:
+        x, y, z = body_nodes.position[nearest]
         raise SceneError(
             f"{place}: ({', '.join(f'{value:g}' for value in point)}) m is away from the body, whose nearest node"
             f" is at ({x:g}, {y:g}, {z:g}) m; put it in the body"

@@ -54,7 +54,7 @@ def add(commands: Commands) -> None:
 
 def _export(args: argparse.Namespace) -> int:
     from pdpost.exports import frame_files, surface_files, xdmf
-    from pdsolve.measures.frame_steps import chosen, diffuses
+    from pdsolve.measures.frame_steps import chosen, has_diffusion_only
     from pdsolve.results import Results
 
     path = commandline.output_path(args.output, args.results, ".pvd", args.force)
@@ -88,7 +88,7 @@ def _export(args: argparse.Namespace) -> int:
             frame_files.table(results, steps[0], path, args.also)
         else:
             series = partial(frame_files.xdmf, inline=args.inline)
-            cracks = results.dimension == 3 and not diffuses(results)
+            cracks = results.dimension == 3 and not has_diffusion_only(results)
             parts = partial(frame_files.pvd, crack=surface_files.write_frame if cracks else None)
             writes: dict[str, Callable[..., None]] = {".pvd": parts, ".xdmf": series, ".msh": frame_files.msh}
             writes[kind](results, path, steps, args.also, args.squares, progress)

@@ -23,7 +23,7 @@ from pdpost.exports import xdmf as xdmf_file
 from pdpost.exports.csv_columns import csv, of_frame
 from pdsolve.measures import fields
 from pdsolve.measures.embedded_model import read
-from pdsolve.measures.frame_steps import diffuses
+from pdsolve.measures.frame_steps import has_diffusion_only
 from pdsolve.results import Nodes, Results
 
 MOST = 64  # sets in a file; models with a condition for each node have more
@@ -76,7 +76,7 @@ def point_data(results: Results, step: int, also: Sequence[str] = ()) -> dict[st
     for name, column in SCALARS.items():
         if column in stored:
             data[name] = results.field(column, step)
-    if not diffuses(results):
+    if not has_diffusion_only(results):
         data["damage"] = fields.field_values(results, "damage", step).astype(np.float32)
     if results.dimension == 3:
         stress_names = ("sxx", "sxy", "sxz", "sxy", "syy", "syz", "sxz", "syz", "szz")

@@ -21,7 +21,7 @@ from pdsolve.measures.crack_faces import (
     find_opened_face_neighbours,
 )
 from pdsolve.measures.fragments import SMALLEST, fragment_number_of_nodes
-from pdsolve.measures.frame_steps import diffuses
+from pdsolve.measures.frame_steps import has_diffusion_only
 from pdsolve.results import Nodes, Results
 
 CLEAR = 0.12  # opacity of the body around its cracks
@@ -75,7 +75,9 @@ def frame_cut_open(
     values = slices.reliable_field_values(results, name, step, part or None)
     plane = plane or ("y", float(slices.default_slice_point(results)[1]))
     cracks = (
-        None if diffuses(results) else build_crack_surface(results, step, find_opened_face_neighbours(results, step))
+        None
+        if has_diffusion_only(results)
+        else build_crack_surface(results, step, find_opened_face_neighbours(results, step))
     )
     shown = colours(name, part, values, largest)
     return cut_open(results.nodes(step), values, shown, cracks, title(results, name, part, step, 0.0), plane, uncropped)

@@ -31,7 +31,7 @@ from pdsolve.measures.balance import (
 from pdsolve.measures.embedded_model import at_rest, moment, whole
 from pdsolve.measures.fields import default_field_name
 from pdsolve.measures.forces import read_condition_force_histories
-from pdsolve.measures.frame_steps import OF_DIFFUSION, diffuses, frames
+from pdsolve.measures.frame_steps import OF_DIFFUSION, frames, has_diffusion_only
 from pdsolve.results import DamagedError, Nodes, Results, ResultsError
 
 DPI = 110
@@ -69,7 +69,11 @@ def report(results: Results, name: str) -> str:
     """The page, titled `name`; equal results give equal text. Raises ResultsError if there is no frame yet."""
     steps, _ = frames(results)
     model, meta, nodes = whole(results), results.meta(), results.nodes(0)
-    shown, moves, flat = default_field_name(results, int(steps[0])), not diffuses(results), results.dimension == 2
+    shown, moves, flat = (
+        default_field_name(results, int(steps[0])),
+        not has_diffusion_only(results),
+        results.dimension == 2,
+    )
     film = gif(results, shown, every=max(1, -(-len(steps) // FRAMES)), dpi=80)
     scene_images = [_image(scene(results, model), "the plate, its grid and its conditions")] if flat else []
     sections = [

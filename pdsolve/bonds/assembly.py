@@ -74,7 +74,7 @@ class Bonds(NamedTuple):
         return np.repeat(np.arange(len(rows)), count), indices
 
 
-class Counted(NamedTuple):
+class FamilyCounts(NamedTuple):
     """Data of n nodes besides their bonds."""
 
     area: NDArray[np.float64]  # (n,) m^2
@@ -90,9 +90,9 @@ class Assembly(NamedTuple):
     family: NDArray[np.int64]  # (n,) bonds that count in damage, those cut by a pre-crack included
 
     @property
-    def counted(self) -> Counted:
+    def counted(self) -> FamilyCounts:
         """Data of the nodes besides their bonds."""
-        return Counted(self.area, self.family, np.diff(self.bonds.start))
+        return FamilyCounts(self.area, self.family, np.diff(self.bonds.start))
 
 
 class Part(NamedTuple):
@@ -267,9 +267,9 @@ class BondStatistics:
         self._stiffness_bound.append(stiffness_bound(bonds, bonds.stiffness, self._symmetric))
         self.softens |= bool((bonds.peak < bonds.limit).any())
 
-    def counted(self, area: NDArray[np.float64]) -> Counted:
+    def counted(self, area: NDArray[np.float64]) -> FamilyCounts:
         """Data of the nodes besides their bonds, with these cells (n,), m^2, in space m^3."""
-        return Counted(area, self.family, self.count)
+        return FamilyCounts(area, self.family, self.count)
 
     @property
     def count(self) -> NDArray[np.int64]:

@@ -12,7 +12,7 @@ from pdmesh.model import output_fields
 from pdmesh.model.output_fields import CRACKED
 from pdsolve.fracture.gradients import green, hooke, thinning
 from pdsolve.measures.cracked_nodes import damage_with_pre_cracks_at, damage_without_pre_cracks_at
-from pdsolve.measures.frame_steps import OF_DIFFUSION, diffuses, expect_physics_of, scalar, vector
+from pdsolve.measures.frame_steps import OF_DIFFUSION, expect_physics_of, has_diffusion_only, scalar, vector
 from pdsolve.measures.strain import displacement_gradients, elastic_constants_of_nodes, thermal_strain_of_nodes
 from pdsolve.results import Results
 
@@ -89,7 +89,7 @@ def choose_component(field_name: str, component: str | None, dimension: int = 2)
 
 def default_field_name(results: Results, step: int) -> str:
     """The default field: damage in mechanics; content where a solid dissolves, otherwise concentration."""
-    if not diffuses(results):
+    if not has_diffusion_only(results):
         return "damage"
     first = "content" if results.masses()["solid"][0] > 0 else "concentration"
     stored = results.stored(step)
@@ -123,7 +123,7 @@ def field_values(results: Results, field_name: str, step: int, component: str | 
 def all_field_components(results: Results, field_name: str, step: int) -> dict[str, NDArray[np.float64]]:
     """All components (n,) of the field `field_name` after `step`, by name; a scalar's name is ""."""
     field = FIELDS[field_name]
-    if field_name == "damage" and not diffuses(results):
+    if field_name == "damage" and not has_diffusion_only(results):
         return {"": damage_without_pre_cracks_at(results, step)}
     if field_name == "separation":
         expect_physics_of(results, field_name)

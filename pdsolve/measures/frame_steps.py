@@ -60,7 +60,7 @@ def vector(results: Results, name: str, step: int) -> NDArray[np.float64]:
     return np.column_stack(_columns(results, name, step))
 
 
-def diffuses(results: Results) -> bool:
+def has_diffusion_only(results: Results) -> bool:
     """Whether the model is one of diffusion alone."""
     return len(results.masses()) > 0 and not len(results.history())  # both are noted from the start on
 
@@ -78,7 +78,7 @@ def _columns(results: Results, name: str, step: int) -> list[NDArray[np.float64]
 
 def expect_physics_of(results: Results, name: str) -> None:
     """Raise ResultsError if the model has no field of this name, whatever is stored."""
-    if (name in OF_DIFFUSION) != diffuses(results):
+    if (name in OF_DIFFUSION) != has_diffusion_only(results):
         physics, needed_physics = ("diffusion", "mechanics")[:: 1 - 2 * (name in OF_DIFFUSION)]
         shown = f" (this has {', '.join(OF_DIFFUSION)})" if physics == "diffusion" else ""
         raise ResultsError(f"{results.name} is of a model of {physics}; {name} needs one of {needed_physics}{shown}")

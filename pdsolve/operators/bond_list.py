@@ -99,7 +99,7 @@ class BondList:
         if torn is not None:
             before = np.zeros_like(out)
             self._accumulate_bond_forces(now, between, before)
-            matched, share_spent = self._match_work(now, between, torn)
+            matched, dissipated_share = self._match_work(now, between, torn)
             released = np.zeros(self._nodes)
             between = self._fail(now, between, torn, released)
         pulls = out if torn is None else np.zeros_like(out)
@@ -107,7 +107,7 @@ class BondList:
         if step > 0 and self._node_history_names():  # after forces, which are those of the history so far
             self._share(loops.update_history_rows, now, between)
         if torn is not None:
-            self._book(state, dt, before - pulls, matched, released, share_spent)
+            self._book(state, dt, before - pulls, matched, released, dissipated_share)
             out += pulls + matched
 
     def failing(self, value: NDArray[np.float64]) -> NDArray[np.int64]:
@@ -136,11 +136,11 @@ class BondList:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Force densities (n, w), N/m^3, that match the work of the marked bonds of these nodes (k,), and which share
         (n,) they spend of the energy that they release at a node, 0 at other nodes; -1 where it is unknown."""
-        matched, spent, bonds = np.zeros(now.value.shape), np.zeros(self._nodes), self._marked(torn)
+        matched, dissipated, bonds = np.zeros(now.value.shape), np.zeros(self._nodes), self._marked(torn)
         self._torn_bonds = loops.torn_bonds(bonds, ends(self._bonds, bonds)[0], now.value.shape[1])
         self._torn_in = now.step
-        self._share_some(loops.match_rows, torn, now, between, self._torn_bonds, matched, spent)
-        return matched, spent
+        self._share_some(loops.match_rows, torn, now, between, self._torn_bonds, matched, dissipated)
+        return matched, dissipated
 
     def _marked(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """The bonds (b,) of these nodes (k,) that are marked as failing."""
@@ -159,14 +159,14 @@ class BondList:
         lost: NDArray[np.float64],
         matched: NDArray[np.float64],
         released: NDArray[np.float64],
-        spent: NDArray[np.float64],
+        dissipated: NDArray[np.float64],
     ) -> None:
-        """Book the energy that bonds take as they fail: the share `spent` (n,) of what they `released` (n,), J/m^3.
+        """Book the energy that failing bonds take: the share `dissipated` (n,) of what they `released` (n,), J/m^3.
 
         If some is unknown: the last half step went without the forces `lost` (n, w), N/m^3, but with those `matched`.
         """
-        if (spent >= 0).all():
-            state.dissipated[:] += released * spent
+        if (dissipated >= 0).all():
+            state.dissipated[:] += released * dissipated
         else:
             state.dissipated[:] += released + dt / 2 * ((lost - 2 * matched) * state.rate).sum(axis=1)
 
@@ -186,8 +186,8 @@ class BondList:
             near[rows] = True
             near[self._list.neighbour[np.concatenate([np.arange(start[i], start[i + 1]) for i in rows])]] = True
             touched = np.flatnonzero(near)
-        strain_energy, spent = np.zeros((2, self._nodes))
-        self._share_some(loops.energy_rows, touched, now, between, strain_energy, spent)
+        strain_energy, dissipated = np.zeros((2, self._nodes))
+        self._share_some(loops.energy_rows, touched, now, between, strain_energy, dissipated)
         before = strain_energy[touched]
         self.columns.broken[bonds] = now.step
         self._failing[bonds] = False
@@ -196,7 +196,7 @@ class BondList:
             between = self._between(now)
         else:
             self._share_some(self._loops[0], rows, now, between)
-        self._share_some(loops.energy_rows, touched, now, between, strain_energy, spent)
+        self._share_some(loops.energy_rows, touched, now, between, strain_energy, dissipated)
         dissipated[touched] += before - strain_energy[touched]
         return between
 
@@ -208,9 +208,9 @@ class BondList:
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""
-        now, (strain_energy, spent) = Now(state.value, state.rate, 0, 0.0), np.zeros((2, self._nodes))
-        self._share_some(loops.energy_rows, self._every, now, self._between(now), strain_energy, spent)
-        return strain_energy, spent
+        now, (strain_energy, dissipated) = Now(state.value, state.rate, 0, 0.0), np.zeros((2, self._nodes))
+        self._share_some(loops.energy_rows, self._every, now, self._between(now), strain_energy, dissipated)
+        return strain_energy, dissipated
 
     def fields(self, state: State) -> Mapping[str, NDArray[np.float64]]:
         """Stored fields (n,) besides displacements, by result column, in SI units."""

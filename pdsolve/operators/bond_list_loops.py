@@ -139,15 +139,15 @@ def finish_intermediate_pass_rows(bonds, law, m, more, first, last):  # type: ig
 
 
 @cached_njit(**KERNEL)
-def update_rows(bonds, law, now, m, out, spent, first, last):  # type: ignore[no-untyped-def]
-    """Add the forces and the dissipated energy of bonds to the rows of `out` and `spent`."""
+def update_rows(bonds, law, now, m, out, dissipated, first, last):  # type: ignore[no-untyped-def]
+    """Add the forces and the dissipated energy of bonds to the rows of `out` and `dissipated`."""
     f = np.empty(out.shape[1], dtype=out.dtype)
     for i in range(first, last):
         f[:] = 0
         for k in range(bonds.start[i], bonds.start[i + 1]):
             j = bonds.neighbour[k]
             bond = deformed(bonds, now.value, i, j, k)
-            spent[i] += update_bond(law, bond, now, m, i, j, k, f)
+            dissipated[i] += update_bond(law, bond, now, m, i, j, k, f)
             accumulate_bond_force(law, bond, now, m, i, j, k, f)
         for a in range(len(f)):
             out[i, a] += f[a]
@@ -170,16 +170,16 @@ def force_rows(bonds, law, now, m, out, first, last):  # type: ignore[no-untyped
 
 
 @cached_njit(**KERNEL)
-def energy_rows(bonds, law, now, m, strain_energy, spent, rows, first, last):  # type: ignore[no-untyped-def]
+def energy_rows(bonds, law, now, m, strain_energy, dissipated, rows, first, last):  # type: ignore[no-untyped-def]
     """Compute stored and dissipated energy of some rows of nodes and their bonds."""
     for at in range(first, last):
         i = rows[at]
-        strain_energy[i], spent[i] = nodal_energy(law, i, m)
+        strain_energy[i], dissipated[i] = nodal_energy(law, i, m)
         for k in range(bonds.start[i], bonds.start[i + 1]):
             j = bonds.neighbour[k]
             bond_energy = energy(law, deformed(bonds, now.value, i, j, k), now, m, i, j, k)
             strain_energy[i] += bond_energy[0]
-            spent[i] += bond_energy[1]
+            dissipated[i] += bond_energy[1]
 
 
 @cached_njit(**KERNEL)
@@ -204,10 +204,10 @@ def fail_rows(bonds, law, now, m, near, failing, torn, first, last):  # type: ig
 
 
 @cached_njit(**KERNEL)
-def match_rows(bonds, law, now, m, torn, out, spent, rows, first, last):  # type: ignore[no-untyped-def]
+def match_rows(bonds, law, now, m, torn, out, dissipated, rows, first, last):  # type: ignore[no-untyped-def]
     """Add to the rows of `out` the forces of failing bonds that match their work, as `calls.added_force`, and set those
-    in `torn`; set in `spent` which share of the energy that bonds release now they have spent at their thresholds, -1
-    if one has none.
+    in `torn`; set in `dissipated` which share of the energy that bonds release now they dissipated at their thresholds,
+    -1 if one has none.
 
     They are shares of the forces of now, which grow with the stretch s from s_n to s_(n+1): with the threshold s0 they
     are (s0^2 - s_n s_(n+1)) / (2 s_(n+1) (s_(n+1) - s_n)).
@@ -234,7 +234,7 @@ def match_rows(bonds, law, now, m, torn, out, spent, rows, first, last):  # type
             for a in range(len(f)):
                 torn.force[n, a] = share * f[a]
                 out[i, a] += torn.force[n, a]
-        spent[i] = threshold_work / every if every > 0 and threshold_work >= 0 else -1.0
+        dissipated[i] = threshold_work / every if every > 0 and threshold_work >= 0 else -1.0
 
 
 @cached_njit(**KERNEL)

@@ -42,7 +42,7 @@ class Response(NamedTuple):
     slope: Array  # (b,) of the force by the stretch, N/m
     secant: Array  # (b,) of bonds that unload, N/m
     releases: Array  # (b,) derivative of the spent energy by the stretch, J/m
-    spent: float  # J/m, by all bonds since they were made
+    dissipated_energy: float  # J/m, by all bonds since they were made
     toward: Array = NONE  # (b, 2) with shear: derivative of the drive by both strains
     value: Array = NONE  # (n, d) m, displacements of nodes, where they have forces beside those of bonds
 
@@ -114,7 +114,7 @@ class SofteningBonds:
             pressed = self.breaks[(s < 0)[self.breaks] & (softened.kappa < self.limit)[self.breaks]]
             softened.omega[pressed] = softened.slope[pressed] = 1.0
         releases = c * self.length * softened.releases / 2
-        spent = float(self.dissipated_energy(softened.kappa).sum())
+        dissipated_energy = float(self.dissipated_energy(softened.kappa).sum())
         return Response(
             along,
             now,
@@ -123,7 +123,7 @@ class SofteningBonds:
             c * softened.slope,
             c * softened.omega,
             releases,
-            spent,
+            dissipated_energy,
             value=value.copy(),
         )
 

@@ -70,9 +70,12 @@ class SofteningShear(SofteningBonds):
         toward = np.column_stack([pulled, self.ratio * gamma]) / np.where(drive > 0, drive, 1.0)[:, None]
         normal = c * np.where((s > 0) | (softened.kappa >= self.limit), softened.omega, 1.0)
         force = np.column_stack([normal * s, c * softened.omega * self.ratio * gamma])
-        spent, releases = float(self.dissipated_energy(softened.kappa).sum()), c * self.length * softened.releases / 2
+        dissipated_energy, releases = (
+            float(self.dissipated_energy(softened.kappa).sum()),
+            c * self.length * softened.releases / 2,
+        )
         secant, slope = c * softened.omega, c * softened.slope
-        drives = softened.kappa, force, slope, secant, releases, spent
+        drives = softened.kappa, force, slope, secant, releases, dissipated_energy
         return Response(normal[:, None], self.length, *drives, toward, value.copy())
 
     def forces(self, response: Response) -> Array:

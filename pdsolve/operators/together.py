@@ -50,8 +50,8 @@ class Together:
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Energy densities (n,), J/m^3: stored, and dissipated by softening so far."""
-        strain_energy, spent = zip(*(part.energies(state) for part in self.parts), strict=True)
-        return np.sum(strain_energy, axis=0), np.sum(spent, axis=0)
+        strain_energy, dissipated = zip(*(part.energies(state) for part in self.parts), strict=True)
+        return np.sum(strain_energy, axis=0), np.sum(dissipated, axis=0)
 
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
         """Stored fields (n,) of all parts; of two of one name that of the later part."""

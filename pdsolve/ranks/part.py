@@ -13,7 +13,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.bonds.assembly import BondSource, BondStatistics, Counted, Scheme
+from pdsolve.bonds.assembly import BondSource, BondStatistics, FamilyCounts, Scheme
 from pdsolve.lattice.layout import LANES
 from pdsolve.lattice.operator import BlockLattice, TileLattice
 from pdsolve.laws import law_of
@@ -31,7 +31,7 @@ from pdsolve.schemes import SCHEMES
 from pdsolve.state import Broken
 
 ENDS = ("_source", "_target")  # of bonds, in the names of their history
-CountedOperator = tuple[Operator, Counted]
+CountedOperator = tuple[Operator, FamilyCounts]
 Make = Callable[[Model, Options, Scheme, BondSource], CountedOperator]  # what makes the operator of a model
 MakeTiled = Callable[[Model, Options, Scheme], CountedOperator | None]  # the same in tiles; None where they cannot be
 
@@ -48,7 +48,9 @@ class Built(NamedTuple):
 class Part:
     """What a rank works on."""
 
-    def __init__(self, slab: Slab, model: Model, operator: Operator, counted: Counted, ghosts: GhostExchange) -> None:
+    def __init__(
+        self, slab: Slab, model: Model, operator: Operator, counted: FamilyCounts, ghosts: GhostExchange
+    ) -> None:
         """`model` and `counted` are of the window."""
         self.slab, self.model, self.operator, self.counted, self.ghosts = slab, model, operator, counted, ghosts
         self.own_rows = slice(slab.first - slab.begin, slab.last - slab.begin)
@@ -71,7 +73,7 @@ def build(team: Team, options: Options, starts: NDArray[np.int64], share: tuple[
     bound, family, count = (np.pad(own_values, around) for own_values in arrays)
     operator = BlockLattice(law, blocks, bound, scheme.symmetric, softens)
     reached = np.unique(np.concatenate(bond_survey.reached)).astype(np.int64)
-    return _adopt_bonds(team, starts, Bonded(slab, model, operator, Counted(filling.area, family, count)), reached)
+    return _adopt_bonds(team, starts, Bonded(slab, model, operator, FamilyCounts(filling.area, family, count)), reached)
 
 
 def build_tiles(
@@ -121,7 +123,7 @@ class Bonded(NamedTuple):
     slab: Slab
     model: Model
     operator: Operator
-    counted: Counted
+    counted: FamilyCounts
 
 
 def _adopt_bonds(team: Team, starts: NDArray[np.int64], bonded: Bonded, reached: NDArray[np.int64]) -> Built:

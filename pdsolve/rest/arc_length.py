@@ -81,8 +81,8 @@ class ArcLengthSteps(CorrectedPathSteps):
         drive, node, axis = self._drive, self._drive.holds.node, self._drive.holds.axis
         drive.held_force[:] = (drive.force - after / self._area[:, None])[node, axis]
         drive.before[:] = drive.force
-        spent = float(self._area @ (state.dissipated + self._operator.energies(state)[1]))
-        self._record_step(step, iterations, residual, new.load_factor, after, spent)
+        dissipated_energy = float(self._area @ (state.dissipated + self._operator.energies(state)[1]))
+        self._record_step(step, iterations, residual, new.load_factor, after, dissipated_energy)
         if self._largest_bond_overload(state) > 0:
             self.finished, self.end_reason = True, "a bond has reached its limit"
 

@@ -360,7 +360,7 @@ class SofteningPathSteps(CorrectedPathSteps):
 
         def control_growth_at(factor_increment: float) -> float:
             value = last.displacement + factor_increment * way
-            return self._control.control_value(value, self._bonds.respond(value).spent) - begin
+            return self._control.control_value(value, self._bonds.respond(value).dissipated_energy) - begin
 
         while control_growth_at(turn) < self._more and turn < 1e3:
             turn *= 2

@@ -60,7 +60,7 @@ class OperatorResponse(NamedTuple):
     """What an operator's bonds do at some displacements."""
 
     force_density: Array  # (n, w) N/m^3
-    spent: float = 0.0  # bonds that do not break dissipate nothing
+    dissipated_energy: float = 0.0  # bonds that do not break dissipate nothing
 
 
 class OperatorBody:
@@ -93,10 +93,10 @@ class Aim(NamedTuple):
     last_point: PathPoint  # on the path
     increment: float  # of the control from there on
 
-    def missing(self, value: Array, spent: float) -> float:
+    def missing(self, value: Array, dissipated_energy: float) -> float:
         """What is left of the increment at displacements (n, w), where bonds have spent so much, J/m."""
         begin = self.control.control_value(self.last_point.displacement, self.last_point.energy_or_arc_length)
-        return self.increment - (self.control.control_value(value, spent) - begin)
+        return self.increment - (self.control.control_value(value, dissipated_energy) - begin)
 
 
 class Tangents:
@@ -158,13 +158,13 @@ class Corrector:
         b, usual = np.zeros(len(self._free)), 0.0
         while True:
             report_progress(iteration, now.residual)
-            missed = 0.0 if aim is None else aim.missing(now.value, now.response.spent)
+            missed = 0.0 if aim is None else aim.missing(now.value, now.response.dissipated_energy)
             way = np.where(constrained, now.at - now.value, 0.0)  # of what is held and not there yet
             starts = aim is None and bool(way.any())
             if not starts:
                 if now.residual < self._tolerance and (aim is None or abs(missed) < NEAR * aim.increment):
                     self.largest = max(self.largest, self._external_force(now.response, now.at))
-                    return PathPoint(now.value, now.factor, now.response.spent), iteration, now.residual
+                    return PathPoint(now.value, now.factor, now.response.dissipated_energy), iteration, now.residual
                 if not np.isfinite(now.residual) or not tangents.goes_on(iteration, now.residual, before):
                     break
                 before = now.residual

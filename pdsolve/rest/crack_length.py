@@ -81,9 +81,9 @@ class CrackLengthSteps(PathStepper):
         if path_point is None:
             return
         equilibrium, factor, cost = path_point
-        spent = cost + (self.step_results[-1].dissipated_energy if self.step_results else 0.0)
+        dissipated_energy = cost + (self.step_results[-1].dissipated_energy if self.step_results else 0.0)
         after = self._area[:, None] * self._motion.loads_and_reactions(state, self._drive.force.astype(float))
-        self._record_step(step, equilibrium.iterations, equilibrium.residual, factor, after, spent)
+        self._record_step(step, equilibrium.iterations, equilibrium.residual, factor, after, dissipated_energy)
 
     def _load_until_first_tip_grows(self, state: State, step: int) -> tuple[Equilibrium, float, float]:
         """Loads up to the first tip that grows; books their work."""
@@ -119,7 +119,7 @@ class CrackLengthSteps(PathStepper):
         checkpoint, value, area = CrackedBodySnapshot.capture(state, operator, growth), state.value.copy(), self._area
         outside = motion.loads_and_reactions(state, self._drive.force.astype(float))
         inside = force_densities(operator, state)
-        spent = float(area @ state.dissipated)
+        dissipated_energy = float(area @ state.dissipated)
         held_force = self._drive.held_force.copy()
         start = last.load_factor if not self._start.any() else STEP_BACK * last.load_factor
         try:
@@ -149,7 +149,7 @@ class CrackLengthSteps(PathStepper):
         way, outside_now = state.value - value, motion.loads_and_reactions(state, self._drive.force.astype(float))
         state.work[:] += ((outside + outside_now) / 2 * way).sum(axis=1)
         state.dissipated[:] -= (cut * way).sum(axis=1) / 2
-        return equilibrium, factor, float(area @ state.dissipated) - spent
+        return equilibrium, factor, float(area @ state.dissipated) - dissipated_energy
 
     def _find_load_factor_of_tip_growth(
         self,

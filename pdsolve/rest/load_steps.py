@@ -114,7 +114,7 @@ class LoadSteps(Stepper):
             put_loads(self._drive, step * self._dt)
             self.method.discard_reused_tangent()
             start = self._loading_norm(state, before)
-            spent = self._dissipated_and_released_energy(state)
+            dissipated_energy = self._dissipated_and_released_energy(state)
             try:
                 self._check_balance_of_loose_bodies("")
                 equilibrium = self._solve_in_parts_and_add_work(state, before, step, step * self._dt)
@@ -139,7 +139,11 @@ class LoadSteps(Stepper):
                 LoadStepStatistics(step, equilibrium.iterations, equilibrium.residual, breaks + growth_count, least)
             )
             self._warn_of_unstable_crack_growth(
-                step, least * self._loading_norm(state, self._drive.force.astype(float)) < start, least, spent, state
+                step,
+                least * self._loading_norm(state, self._drive.force.astype(float)) < start,
+                least,
+                dissipated_energy,
+                state,
             )
         return end_step - 1
 

@@ -6,7 +6,7 @@ broken bonds and its ledger: a killed run loses at most the last frame. About on
 checkpoint in full precision, from which a run can continue.
 """
 
-from pdsolve.results.background_writer import Behind, behind
+from pdsolve.results.background_writer import BackgroundWriter, open_background_writer
 from pdsolve.results.errors import (
     BusyError,
     DamagedError,
@@ -16,16 +16,16 @@ from pdsolve.results.errors import (
     ResultsWarning,
     TakenError,
     WriteError,
-    gone_back,
+    name_damaged_checkpoint,
 )
 from pdsolve.results.lock import holder, writing_to
 from pdsolve.results.reader import Results
 from pdsolve.results.recovery import State, StateKind, is_empty, remove, state_of
 from pdsolve.results.schema import Breaks, Epoch, Families, FrameRecord, Lives, Nodes
-from pdsolve.results.writer import Writer, put_away
+from pdsolve.results.writer import Writer, merge_leftover_files
 
 __all__ = [
-    "Behind",
+    "BackgroundWriter",
     "Breaks",
     "BusyError",
     "DamagedError",
@@ -44,11 +44,11 @@ __all__ = [
     "TakenError",
     "WriteError",
     "Writer",
-    "behind",
-    "gone_back",
     "holder",
     "is_empty",
-    "put_away",
+    "merge_leftover_files",
+    "name_damaged_checkpoint",
+    "open_background_writer",
     "remove",
     "state_of",
     "writing_to",

@@ -19,7 +19,7 @@ BESIDE = ("", "-wal", "-shm", "-journal")  # ends of the names of a database and
 TURN = 2e-4  # s after which the writer's Python gives way to the run's: Python's own 5 ms are as long as many steps
 
 
-class Behind:
+class BackgroundWriter:
     """A writer one frame behind the run; an error in writing a frame is raised by the next call.
 
     The first frame creates the writer, on that thread; a new run leaves nothing behind before it.
@@ -94,12 +94,12 @@ class Behind:
 
 
 @contextmanager
-def behind(make: Callable[[], Writer], new: bool, path: Path | None) -> Iterator[Behind]:
-    """A context with a writer on its own thread; the arguments are those of `Behind`."""
+def open_background_writer(make: Callable[[], Writer], new: bool, path: Path | None) -> Iterator[BackgroundWriter]:
+    """A context with a writer on its own thread; the arguments are those of `BackgroundWriter`."""
     turn = sys.getswitchinterval()
     sys.setswitchinterval(TURN)
     try:
-        writer = Behind(make, new, path)
+        writer = BackgroundWriter(make, new, path)
         yield writer
         writer.end()
     finally:

@@ -69,7 +69,7 @@ class explained:
 
 
 @contextmanager
-def gone_back(path: Path) -> Iterator[None]:
+def name_damaged_checkpoint(path: Path) -> Iterator[None]:
     """A context that raises DamagedError, naming the file, if a checkpoint's content is invalid."""
     try:
         yield

@@ -114,7 +114,7 @@ class Writer:
         with Results.open(path) as results:
             step, pieces = results.checkpoint_step(), results.pieces
         for file in (file for piece in pieces for file in piece.files):
-            put_away(beside(path, file))
+            merge_leftover_files(beside(path, file))
         writer = cls(_connected(path), path)
         with writer._transaction() as connection:
             later = {table: f"step > {step}" for table in STEPPED}
@@ -397,7 +397,7 @@ def _connected(path: Path | None) -> sqlite3.Connection:
     return connection
 
 
-def put_away(path: Path) -> None:
+def merge_leftover_files(path: Path) -> None:
     """Merge the files of a finished run that was killed before doing so, as far as possible."""
     real = os.path.realpath(path)
     if any(os.path.exists(f"{real}{suffix}") for suffix in ("-wal", "-journal", "-lock")):

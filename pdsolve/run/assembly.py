@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.materials.solids import SOLIDS
-from pdsolve.bonds.assembly import Bonds, BondSource, BondStatistics, Counted, Scheme, listed
+from pdsolve.bonds.assembly import Bonds, BondSource, BondStatistics, FamilyCounts, Scheme, listed
 from pdsolve.bonds.static_breakage import FamilyBonds, StaticBreakage
 from pdsolve.checks import refuse_fields
 from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, widened
@@ -76,7 +76,7 @@ def make_operator(
     bond_source: BondSource,
     bonds_are_unbreakable: bool = False,
     bonds_swell: bool = False,
-) -> tuple[Operator, Counted]:
+) -> tuple[Operator, FamilyCounts]:
     """The operator of the bonds: in blocks if possible and not excluded by options; and what is counted of the bonds.
 
     `bonds_are_unbreakable`: no bond breaks, as `bond_source` has it; `bonds_swell`: they stretch from what a content
@@ -125,7 +125,7 @@ def _choose_family_layout_function(
 
 def make_tiled_operator(
     model: Model, options: Options, scheme: Scheme, bonds_are_unbreakable: bool = False
-) -> tuple[Operator, Counted] | None:
+) -> tuple[Operator, FamilyCounts] | None:
     """The operator of a body's bonds in tiles, and what is counted of the bonds; None where tiles cannot be or are
     excluded by options.
 
@@ -144,7 +144,7 @@ def make_tiled_operator(
 
 def _make_device_operator(
     model: Model, options: Options, scheme: Scheme, bond_source: BondSource, law: Law, statistics: BondStatistics
-) -> tuple[Operator, Counted]:
+) -> tuple[Operator, FamilyCounts]:
     """The operator of bonds that are in no tiles on a device. Raises ModelError."""
     if law.lanes is not None:  # a law of families
         bonds = listed(statistics.parts(), bond_source.area).bonds
@@ -211,7 +211,7 @@ def options_with_kernel_for_swelling(model: Model, options: Options) -> Options:
 
 def count_bonds_and_compute_stiffness_bound(
     model: Model, options: Options, scheme: Scheme
-) -> tuple[Counted, NDArray[np.float64], BondLayout]:
+) -> tuple[FamilyCounts, NDArray[np.float64], BondLayout]:
     """Numbers (n,) of the bonds of a pair law, the bound (n,) of their stiffness, N/m^4, and where they will be."""
     tiles = _make_bond_tiles_if_possible(model, options, scheme, False)
     if tiles is not None:
@@ -288,7 +288,7 @@ def assemble_system(
     options: Options,
     scheme: Scheme,
     operator: Operator,
-    bond_counts: Counted,
+    bond_counts: FamilyCounts,
     time_step: float,
     stable_time_step: float,
     *,

@@ -62,7 +62,7 @@ def with_chosen_adaptivity(model: Model, options: Options) -> Model:
 
 
 def _prepare_by_physics_and_adaptivity(model: Model, options: Options) -> PreparedRun:
-    if model.diffuses:
+    if model.has_diffusion_only:
         return _prepare_diffusion(model, options)
     scheme = select_scheme(model, options)
     if options.team is not None:

@@ -27,15 +27,15 @@ from pdsolve.numerics.team import Team
 from pdsolve.options import Options
 from pdsolve.rest.equilibrium import NotConvergedError
 from pdsolve.results import (
-    Behind,
+    BackgroundWriter,
     Results,
     ResultsError,
     ResultsWarning,
     Writer,
-    behind,
-    gone_back,
     is_empty,
-    put_away,
+    merge_leftover_files,
+    name_damaged_checkpoint,
+    open_background_writer,
     writing_to,
 )
 from pdsolve.run import zone_restarts
@@ -251,7 +251,7 @@ def _resume_unless_finished(job: Job, options: Options, device: str | None) -> R
         with writing_to(output):
             if not _run_is_finished(output):
                 return _solve(*_read_stage(output, job, options, device))
-    put_away(output)
+    merge_leftover_files(output)
     return Results.open(output)
 
 
@@ -278,7 +278,10 @@ def options_from_metadata(model: Model, metadata: Mapping[str, Any], thread_coun
     """The options of a run of `model`, from its metadata; the number of threads may differ."""
     kernel = metadata.get("kernel")
     return Options(
-        metadata["mode"], metadata["precision"], thread_count, None if model.diffuses and kernel != "listed" else kernel
+        metadata["mode"],
+        metadata["precision"],
+        thread_count,
+        None if model.has_diffusion_only and kernel != "listed" else kernel,
     )
 
 
@@ -300,7 +303,7 @@ def _solve_motion_after_equilibrium_path_if_asked(path_results: Results, job: Jo
 def _advance_to_end_and_close_results(recorder: Recorder, make_writer: Callable[[], Writer], job: Job) -> Results:
     """March to the end from the state of the records; `make_writer` creates the writer, of a new file for a new run."""
     give_back()
-    with behind(make_writer, recorder.is_new, job.output) as writer:
+    with open_background_writer(make_writer, recorder.is_new, job.output) as writer:
         try:
             if recorder.is_new:
                 recorder.record_step(recorder.step)
@@ -316,13 +319,13 @@ def _advance_to_end_and_close_results(recorder: Recorder, make_writer: Callable[
         last = writer.done()
         last.close(status)
     results = Results(last.connection, "results in memory") if job.output is None else Results.open(job.output)
-    if not recorder.system.model.diffuses:
+    if not recorder.system.model.has_diffusion_only:
         warn_of_broken_bonds_outside_finest_zone(recorder.system.requested_model, results)
         warn_of_unresolved_contact_width(recorder.system, recorder.state)
     return results
 
 
-def _advance_to_end(recorder: Recorder, writer: Behind, job: Job) -> str:
+def _advance_to_end(recorder: Recorder, writer: BackgroundWriter, job: Job) -> str:
     """Step to the end, from event to event; returns "finished" or "interrupted"."""
     watch, run, step = job.watcher, recorder.system.model.settings.run, recorder.frame_step
     interrupted, done, collected, pace = False, False, step, StepBatchTimer(recorder.system.directed_bond_count)
@@ -449,7 +452,7 @@ def make_resumed_recorder(results: Results, model: Model, options: Options, adap
         raise ResultsError(f"{output}: its nodes {words[0]}, and here they {words[1]}; resume it as it began")
     breaks, node_count, rows = results.breaks(), len(system.model.grid), None
     if changes:
-        with gone_back(output):
+        with name_damaged_checkpoint(output):
             regridder = system.regridder
             system, state = regridder.create_system_with_checkpoint_nodes(system, checkpoint)
             system = dataclasses.replace(system, regridder=regridder)
@@ -457,7 +460,7 @@ def make_resumed_recorder(results: Results, model: Model, options: Options, adap
         rows, node_count = lives.at(system.model.grid.ids, step), int((lives.birth <= step).sum())
         if not np.array_equal(lives.nodes.family[rows], system.family_sizes) or (rows < 0).any():
             raise ResultsError(f"{output} has other nodes than this version's at step {step}; solve it anew")
-    with gone_back(output):
+    with name_damaged_checkpoint(output):
         if step > model.settings.run.steps:
             raise CheckpointError(f"step is {step}; the run has {model.settings.run.steps}")
         restore_all_ranks(team_of(system, state), system, step, checkpoint, breaks)

@@ -306,9 +306,7 @@ def create_system_if_zone_changed(system: System, with_state: bool = True) -> Sy
     if shown is None:
         return None
     row = np.minimum(np.searchsorted(before.places, shown.places), len(before.places) - 1)
-    same = (before.places[row] == shown.places) & (
-        before.node_and_bond_signatures[row] == shown.node_and_bond_signatures
-    )
+    same = (before.places[row] == shown.places) & (before.signatures_of_changes[row] == shown.signatures_of_changes)
     return SystemAfterNodeChange(
         system_with_moved_zone(system, shown),
         shown.state() if with_state else zero_state(0, 2),

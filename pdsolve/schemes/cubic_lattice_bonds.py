@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import Pairs, lengths
-from pdsolve.bonds.assembly import Counted
+from pdsolve.bonds.assembly import FamilyCounts
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice import tile_bonds
 from pdsolve.lattice.sites import Sites, sites_of
@@ -32,7 +32,7 @@ class Tiled(NamedTuple):
 
     tiles: Tiles
     sites: Sites
-    counted: Counted
+    counted: FamilyCounts
     stiffness_bound: NDArray[np.float64]  # (n,) N/m^4, see `pdsolve.operators.protocol`
 
 
@@ -72,7 +72,7 @@ def tiled(model: Model, kind: type[np.floating], unbreakable: bool = False) -> T
     for rows, sums in _in_parts(tiles, sites, weights):
         stiffness_bound[rows] = np.linalg.eigvalsh(sums.reshape(-1, 3, 3))[:, -1]
     family = count + cut if cut.any() else count
-    return Tiled(tile_bonds.in_precision(tiles, kind), sites, Counted(rule.area, family, count), stiffness_bound)
+    return Tiled(tile_bonds.in_precision(tiles, kind), sites, FamilyCounts(rule.area, family, count), stiffness_bound)
 
 
 def _springs(model: Model, rule: Rule, sites: Sites, unbreakable: bool) -> tuple[Sites, Springs] | None:

@@ -59,7 +59,7 @@ def main(argv: Sequence[str]) -> int:
 def _study(args: argparse.Namespace) -> int:
     commandline.expect(args.study, FileKind.STUDY)
     from pdsolve.study.description import read_study
-    from pdsolve.study.dispatch import Crew, StudyWatch, solve_study
+    from pdsolve.study.dispatch import StudyWatch, StudyWorkers, solve_study
 
     if args.scheduler and args.workers:
         raise commandline.UsageError(
@@ -67,10 +67,10 @@ def _study(args: argparse.Namespace) -> int:
         )
     study = read_study(args.study)
     path = commandline.output_path(args.output, args.study, ".sqlite", force=True)  # what is there is gone on with
-    crew = Crew(args.workers, args.threads, args.scheduler, args.trust)
+    workers = StudyWorkers(args.workers, args.threads, args.scheduler, args.trust)
     with stopping.patience(stopping.WORKERS), StudyWatch(args.quiet) as watch:
         try:
-            rows = solve_study(study, path, crew, watch, args.again, args.force)
+            rows = solve_study(study, path, workers, watch, args.again, args.force)
         except KeyboardInterrupt:
             commandline.note("pdsolve study: interrupted; the same command goes on", args)
             raise

@@ -38,7 +38,7 @@ class StudyProgress(NamedTuple):
     held: Mapping[int, str] = {}  # before the first: who else writes to the database of a run, by its number
 
 
-class Crew(NamedTuple):
+class StudyWorkers(NamedTuple):
     """The workers of a study."""
 
     workers: int | None = None  # processes on this machine; None: as many as cores, over threads
@@ -47,13 +47,13 @@ class Crew(NamedTuple):
     trust: bool = False
 
 
-ALONE = Crew()
+DEFAULT_WORKERS = StudyWorkers()
 
 
 def solve_study(
     study: Study,
     output: FilePath,
-    crew: Crew = ALONE,
+    workers: StudyWorkers = DEFAULT_WORKERS,
     watch: Callable[[StudyProgress], None] | None = None,
     again: bool = False,
     force: bool = False,
@@ -65,17 +65,17 @@ def solve_study(
     """
     output = Path(output)
     with writing_to(output):
-        dimension = check_study_and_return_dimension(study, crew.trust)
+        dimension = check_study_and_return_dimension(study, workers.trust)
         if force:
-            if crew.scheduler is not None:
-                expect_scheduler(crew.scheduler)
+            if workers.scheduler is not None:
+                expect_scheduler(workers.scheduler)
             _clear(study, output)
         if not output.exists():
             kept(run_folder(output), study)
         with Table.create(output, study, f"pdsolve {VERSION}") as table:
             run_folder(output).mkdir(exist_ok=True)
             runs = {} if table.rows() else kept(run_folder(table.path), study)
-            numbers = table.add(study.cases(), _describe_parameters(study, crew.trust), measures_of(dimension), runs)
+            numbers = table.add(study.cases(), _describe_parameters(study, workers.trust), measures_of(dimension), runs)
             rows = table.rows(numbers.values())
             over = (FINISHED,) if again else (FINISHED, FAILED)
             waiting = {row.number for row in rows if row.status not in over}
@@ -83,13 +83,13 @@ def solve_study(
             drawing = study.drawing.resolve()
             files = {row.number: row.file.parent.resolve() / row.file.name for row in rows}
             bad = {row.number for row in rows if row.status == FAILED}
-            how = (crew.threads, crew.trust, study.digest)
+            how = (workers.threads, workers.trust, study.digest)
             tasks = [Task(number, drawing, case, files[number], *how, number in bad) for number, case in cases]
             failed = len(bad - waiting)
             holders = {task.number: name for task in tasks if (name := holder(task.output)) is not None}
             progress = StudyProgress(len(rows), len(rows) - len(tasks) - failed, failed, None, holders)
             _report_progress(watch, progress)
-            for outcome in _solve_tasks(tasks, crew):
+            for outcome in _solve_tasks(tasks, workers):
                 table.finish(*outcome)
                 ended = outcome.error is not None
                 progress = StudyProgress(
@@ -138,11 +138,11 @@ def _describe_parameters(study: Study, trust: bool) -> dict[str, tuple[str, str]
     return {entry.name.removeprefix("Peridynamics/"): (entry.unit, entry.meaning) for entry in parameters}
 
 
-def _solve_tasks(tasks: Sequence[Task], crew: Crew) -> Iterator[Outcome]:
+def _solve_tasks(tasks: Sequence[Task], workers: StudyWorkers) -> Iterator[Outcome]:
     """Outcomes of tasks as they finish. Raises StudyError."""
-    if crew.scheduler is not None:
-        return solved_by(tasks, crew.scheduler)
-    return solved_here(tasks, crew.workers or max(1, cores() // crew.threads))
+    if workers.scheduler is not None:
+        return solved_by(tasks, workers.scheduler)
+    return solved_here(tasks, workers.workers or max(1, cores() // workers.threads))
 
 
 class StudyWatch:

@@ -176,11 +176,11 @@ def _dimension(drawing: Path, case: Case, trust: bool) -> int:
         return 2
     if drawing.suffix.lower() == ".json" and not case.drawing:
         document = read_file(drawing)
-        dimension, diffuses = document.dimension, document.physics == "diffusion"
+        dimension, has_diffusion_only = document.dimension, document.physics == "diffusion"
     else:
         scene = read_scene(drawing, case.assignments("drawing"), trust=trust)
-        dimension, diffuses = 3 if isinstance(scene, Body) else 2, scene.medium is not None
-    if diffuses:
+        dimension, has_diffusion_only = 3 if isinstance(scene, Body) else 2, scene.medium is not None
+    if has_diffusion_only:
         raise StudyError(
             f"{drawing} is a model of diffusion, and a study measures cracks and energies; use one of mechanics"
         )

@@ -28,9 +28,9 @@ def solved_here(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
     """
     waiting, ended = deque(tasks), set[int]()
     done: SimpleQueue[Future[Outcome]] = SimpleQueue()  # an interrupted wait on futures may leave their locks taken
-    crew = [Worker(done) for _ in range(min(workers, len(tasks)))]
+    processes = [Worker(done) for _ in range(min(workers, len(tasks)))]
     try:
-        under_way = {worker.begin(waiting.popleft()): worker for worker in crew}
+        under_way = {worker.begin(waiting.popleft()): worker for worker in processes}
         while under_way:
             future = done.get()
             worker = under_way.pop(future)
@@ -43,12 +43,12 @@ def solved_here(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
                 under_way[worker.begin(waiting.popleft())] = worker
             if not again:
                 yield outcome
-        for worker in crew:
+        for worker in processes:
             worker.end()
     finally:
-        for worker in crew:
+        for worker in processes:
             worker.stop()
-        for worker in crew:
+        for worker in processes:
             worker.end()
 
 

@@ -79,7 +79,7 @@ def solved(once: Path, here: Path) -> Path:
     return here
 
 
-def in_this_process(tasks: list[Task], how: dispatch.Crew) -> list[Outcome]:
+def in_this_process(tasks: list[Task], how: dispatch.StudyWorkers) -> list[Outcome]:
     """What workers would say of these tasks."""
     return [one_run.solve_and_measure(task) for task in tasks]
 
@@ -137,7 +137,7 @@ def test_it_goes_on_where_it_was_stopped_and_grows(solved: Path, monkeypatch: py
     Path("study.toml").write_text(STUDY.replace("[204, 100]", "[204, 100, 50]").replace("[3, 1]", "[3]"))
     asked = []
 
-    def here(tasks: list[Task], how: dispatch.Crew) -> list[Outcome]:
+    def here(tasks: list[Task], how: dispatch.StudyWorkers) -> list[Outcome]:
         asked.extend(task.number for task in tasks)
         return in_this_process(tasks, how)
 

@@ -116,7 +116,7 @@ def test_at_rest_and_in_motion_bonds_pull_and_spend_the_same() -> None:
         pull = bonds.forces(found) / system.area[:, None]
         assert np.abs(pull - out).max() < 1e-12 * np.abs(out).max()
     spent = float(np.sum(system.area * (state.dissipated + system.operator.energies(state)[1])))
-    assert spent == pytest.approx(found.spent, rel=1e-12)
+    assert spent == pytest.approx(found.dissipated_energy, rel=1e-12)
 
 
 def test_forces_tangent_and_dissipation_belong_together() -> None:
@@ -135,7 +135,7 @@ def test_forces_tangent_and_dissipation_belong_together() -> None:
     predicted = -(tangent @ way.ravel()).reshape(slope.shape)
     assert np.abs(slope - predicted).max() < 1e-5 * np.abs(slope).max()
     assert abs(tangent - tangent.T).max() < 1e-12 * abs(tangent).max()
-    rate = (high.spent - low.spent) / (2 * size)
+    rate = (high.dissipated_energy - low.dissipated_energy) / (2 * size)
     assert float((bonds.gradient(found) * way).sum()) == pytest.approx(rate, rel=1e-5)
 
 

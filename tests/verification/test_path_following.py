@@ -109,7 +109,7 @@ def test_forces_tangent_and_dissipation_belong_together() -> None:
     slope = (bonds.forces(high) - bonds.forces(low)) / (2 * size)
     predicted = -(bonds.tangent(found) @ way.ravel()).reshape(slope.shape)
     assert np.abs(slope - predicted).max() < 1e-5 * np.abs(slope).max()
-    rate = (high.spent - low.spent) / (2 * size)
+    rate = (high.dissipated_energy - low.dissipated_energy) / (2 * size)
     assert float((bonds.gradient(found) * way).sum()) == pytest.approx(rate, rel=1e-5)
 
 

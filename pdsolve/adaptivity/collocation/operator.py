@@ -59,7 +59,7 @@ class CollocationOperator(TwoLatticeOperator[CollocationEngine]):
         return count, family
 
     @property
-    def node_and_bond_signatures(self) -> NDArray[np.int64]:
+    def signatures_of_changes(self) -> NDArray[np.int64]:
         """Signature (n,) that changes if a node or its bonds change."""
         share = np.round(self.area / self.engine.lattice.spacing**2 * 64).astype(
             np.int64

@@ -189,7 +189,7 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         return np.asarray(sum(is_coarse.astype(np.int16) for is_coarse in (ne, nw, sw, se, *edges)))
 
     @property
-    def node_and_bond_signatures(self) -> NDArray[np.int16]:
+    def signatures_of_changes(self) -> NDArray[np.int16]:
         """Signature (n,) that changes if a node, its area or its bonds change."""
         quarters = np.round(4 * self.area / self.engine.plate.spacing**2)  # up to 64
         signature = (1900 * quarters % 2**15).astype(np.int16)

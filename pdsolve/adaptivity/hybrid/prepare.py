@@ -128,7 +128,7 @@ def create_lattice_constants(
             for material_springs in springs
         ]
     )
-    cell, mix = _coarse_cell_stiffnesses_and_masses(plate, springs)
+    cell, mix = _coarse_cell_kinds_and_their_constants(plate, springs)
     bind(bilinear.LAW)
     return LatticeConstants(
         empty_law_columns=no_bonds(bilinear.LAW),  # a brittle bond is one whose peak is its limit
@@ -165,7 +165,7 @@ def create_lattice_constants(
     )
 
 
-def _coarse_cell_stiffnesses_and_masses(
+def _coarse_cell_kinds_and_their_constants(
     plate: HybridPlate, springs: tuple[Springs, ...]
 ) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
     """k1, k2 and a quarter of the mass (3, m) of coarse cells, and which of these each cell (c,) has.

@@ -96,7 +96,7 @@ class RestingContact(PenaltyContact):
             drag = -self._stiffness[:, None] * now.slip
             work = ((self._pairs.drag + drag) / 2 * self._along(state.value)).sum(axis=1)
             for end in (self._pairs.i, self._pairs.j):
-                self._spent -= np.bincount(end, work / 2, len(self._spent))
+                self._friction_energy -= np.bincount(end, work / 2, len(self._friction_energy))
             self._pairs.slip[:] = now.slip
         self.measure_widths(state)
         self._at = state.value.astype(np.float64)
@@ -192,8 +192,8 @@ class RestingContact(PenaltyContact):
         """Energy that friction has turned into heat so far, J/m, of a body J."""
         now = self._touch(state.value)
         drag = self._pairs.drag - self._stiffness[:, None] * now.slip
-        spent = np.sum(self._spent) - (drag / 2 * self._along(state.value)).sum()
-        return float(spent - (self._stiffness * (now.slip**2).sum(axis=1) / 2).sum())
+        friction_energy = np.sum(self._friction_energy) - (drag / 2 * self._along(state.value)).sum()
+        return float(friction_energy - (self._stiffness * (now.slip**2).sum(axis=1) / 2).sum())
 
     def stiffness_matrix(self, value: NDArray[Any]) -> csr_array:
         """Minus the derivative of the forces by the displacements, (n d, n d), N/m^2, in space N/m."""

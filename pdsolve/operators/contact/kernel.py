@@ -261,7 +261,7 @@ def ease(pairs, u, pair_energy, lost):  # type: ignore[no-untyped-def]
 
 
 @cached_njit(error_model="numpy")
-def add_forces(pairs, inverse_volume, u, v, mu, e, dt, out, spent, lost):  # type: ignore[no-untyped-def]
+def add_forces(pairs, inverse_volume, u, v, mu, e, dt, out, friction_energy, lost):  # type: ignore[no-untyped-def]
     """Add the forces of all pairs; friction's springs and depths go on by a step of `dt` s.
 
     `inverse_volume` (n,) is 1 over the volume of a node, 1/m^d.
@@ -276,7 +276,7 @@ def add_forces(pairs, inverse_volume, u, v, mu, e, dt, out, spent, lost):  # typ
         stiffness, depth, n, pull = _pressed(pairs, u, q, 0.0)
         felt = _give(pairs, v, e, dt, q, stiffness, depth, n, lost) if e < 1.0 else depth
         if mu > 0.0:
-            _rub(pairs, v, mu, dt, q, stiffness, felt, n, spent)
+            _rub(pairs, v, mu, dt, q, stiffness, felt, n, friction_energy)
         if depth > 0.0:
             push, inverse_i, inverse_j = stiffness * felt, inverse_volume[i], inverse_volume[j]
             for a in range(d):
@@ -335,7 +335,7 @@ def _give(pairs, v, e, dt, q, stiffness, depth, n, lost):  # type: ignore[no-unt
 
 
 @njit(forceinline=True, **INNER)
-def _rub(pairs, v, mu, dt, q, stiffness, depth, n, spent):  # type: ignore[no-untyped-def]
+def _rub(pairs, v, mu, dt, q, stiffness, depth, n, friction_energy):  # type: ignore[no-untyped-def]
     """Take friction's spring of pair q through a step, and book its work by the trapezoidal rule."""
     i, j, d, across, square, work = pairs.i[q], pairs.j[q], v.shape[1], 0.0, 0.0, 0.0
     for a in range(d):
@@ -351,8 +351,8 @@ def _rub(pairs, v, mu, dt, q, stiffness, depth, n, spent):  # type: ignore[no-un
         pairs.slip[q, a] *= cut
         pairs.drag[q, a] = -stiffness * pairs.slip[q, a]
         work += pairs.drag[q, a] * (np.float64(v[j, a]) - np.float64(v[i, a])) * dt / 2
-    spent[i] -= work / 2
-    spent[j] -= work / 2
+    friction_energy[i] -= work / 2
+    friction_energy[j] -= work / 2
 
 
 @cached_njit(error_model="numpy")

@@ -58,7 +58,7 @@ class PenaltyContact(UnbreakableOperator):
         self._each = 1 / volume  # 1/m^d
         self._cell, self._k = grid.delta**grid.dimension, pair_stiffness(model, self._settings)
         self._bound, self.rigid = touch_bound(model, volume), RigidMotion(model, volume)
-        self._spent, self._lost = np.zeros((2, len(grid)))  # J, on friction, and by springs whose faces broke
+        self._friction_energy, self._lost = np.zeros((2, len(grid)))  # J, on friction, and by springs whose faces broke
         cell = self._k * self._cell**2
         self.round = RoundBodies(model, volume, cell, self._joined, self.rigid)
         self._kept_until: int | None = None  # step before which broken bonds were known in a checkpoint
@@ -83,10 +83,10 @@ class PenaltyContact(UnbreakableOperator):
         """Add the force densities as `accumulate_force` does, of a state that `free_steps` has seen."""
         if len(self._pairs.i):
             mu, e = self._settings.friction, self._settings.restitution
-            books = out, self._spent, self._lost
-            add_forces(self._pairs, self._each, state.value, state.rate, mu, e, dt, *books)
+            accumulators = out, self._friction_energy, self._lost
+            add_forces(self._pairs, self._each, state.value, state.rate, mu, e, dt, *accumulators)
         if len(self.rigid.rows):
-            self.round.push(state, self._volume, dt, out, self._spent, self._lost)
+            self.round.push(state, self._volume, dt, out, self._friction_energy, self._lost)
             self.rigid.constrain(state, out, step, dt)
 
     def free_steps(self, state: State, step: int, dt: float) -> int:
@@ -217,7 +217,7 @@ class PenaltyContact(UnbreakableOperator):
 
     def friction(self, state: State) -> float:
         """Energy that friction has turned into heat so far, J/m, of a body J."""
-        return float(np.sum(self._spent) - np.sum(self._pressed(state.value)[1]))
+        return float(np.sum(self._friction_energy) - np.sum(self._pressed(state.value)[1]))
 
     def stiffness_bound(self) -> NDArray[np.float64]:
         """A bound (n,) of each node's stiffness, N/m^4, in touch with two faces."""
@@ -256,7 +256,7 @@ class PenaltyContact(UnbreakableOperator):
             "slip_target": pairs.j.copy(),
             "searched": self._before.copy(),
             "followed": np.array([self._joined.until, self._joined.wait]),
-            "rubbed": self._spent.copy(),
+            "rubbed": self._friction_energy.copy(),
             "lost": self._lost.copy(),
             **self.rigid.checkpoint_arrays(),
             **self.round.checkpoint_arrays(),
@@ -272,7 +272,7 @@ class PenaltyContact(UnbreakableOperator):
         i, j = ends
         if (np.diff(i * nodes + j) <= 0).any() or (i >= j).any():
             raise CheckpointError("'slip_source' and 'slip_target' are not pairs in order")
-        self._spent[:] = entry(checkpoint, "rubbed", (nodes,), np.float64)
+        self._friction_energy[:] = entry(checkpoint, "rubbed", (nodes,), np.float64)
         self._lost[:] = entry(checkpoint, "lost", (nodes,), np.float64)
         self._before = entry(checkpoint, "searched", (None, d), np.float64).copy()
         self._kept_until, self._kept_wait = map(int, entry(checkpoint, "followed", (2,), np.int64))
@@ -291,7 +291,7 @@ class PenaltyContact(UnbreakableOperator):
             self._joined.intact,
             self._bound,
             self._each,
-            self._spent,
+            self._friction_energy,
         )
         return sum(array.nbytes for array in arrays) + 8 * len(self._joined.intact)
 

@@ -113,11 +113,13 @@ class RoundBodies:
         """Take the normals of nodes from the bonds that are intact now."""
         self._faces = [self._joined.faces(near.rows) for near in self._near]
 
-    def push(self, state: State, volume: Array, dt: float, out: NDArray[Any], spent: Array, lost: Array) -> None:
+    def push(
+        self, state: State, volume: Array, dt: float, out: NDArray[Any], friction_energy: Array, lost: Array
+    ) -> None:
         """Add the force densities (n, d), N/m^3, to `out`, and the force and the torque to the bodies.
 
-        Friction's springs go on by `dt` s; minus their work is added to `spent` (n,), J, what restitution takes to
-        `lost`.
+        Friction's springs go on by `dt` s; minus their work is added to `friction_energy` (n,), J, and what restitution
+        takes to `lost`.
         """
         d, mu, e = state.value.shape[1], self._settings.friction, self._settings.restitution
         for number, (b, radius) in enumerate(self._radius):
@@ -136,7 +138,7 @@ class RoundBodies:
                 long, limit = lengths(slip), mu * felt
                 near.slip[:] = slip * np.where(long > limit, limit / np.maximum(long, 1e-300), 1.0)[:, None]
                 drag = -now.k[:, None] * near.slip
-                spent[near.rows] -= ((near.drag + drag) * speed).sum(axis=1) * dt / 2
+                friction_energy[near.rows] -= ((near.drag + drag) * speed).sum(axis=1) * dt / 2
                 near.drag[:] = drag
                 force += drag
             out[near.rows] += force[:, :d] / volume[near.rows, None]

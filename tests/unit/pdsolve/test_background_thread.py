@@ -13,7 +13,7 @@ from interrupts import interrupted_at
 
 from pdmesh import background_thread
 from pdmesh.background_thread import BackgroundThread
-from pdsolve.results.background_writer import Behind
+from pdsolve.results.background_writer import BackgroundWriter
 
 pytestmark = pytest.mark.usefixtures("listens")
 
@@ -41,12 +41,12 @@ class Slow:
 def test_frames_are_written_one_by_one_in_their_order() -> None:
     """The first frame is the slow one; with two threads the second would overtake it."""
     writer = Slow()
-    behind = Behind(lambda: writer, True)  # type: ignore[arg-type, return-value]
+    open_background_writer = BackgroundWriter(lambda: writer, True)  # type: ignore[arg-type, return-value]
     threading.Timer(0.05, writer.go.put, (None,)).start()
     for frame in (1, 2, 3):
-        behind.write(lambda frame=frame: frame)  # type: ignore[misc]
+        open_background_writer.write(lambda frame=frame: frame)  # type: ignore[misc]
         assert len(writer.frames) >= frame - 1  # a frame is made when the last one is written
-    assert behind.done() is writer
+    assert open_background_writer.done() is writer
     assert writer.frames == [1, 2, 3]
 
 
@@ -64,13 +64,13 @@ def test_an_interrupt_at_any_line_of_waiting_leaves_the_writer_free() -> None:
     line = 0
     while True:
         writer = Slow()
-        behind = Behind(lambda writer=writer: writer, False)  # type: ignore[arg-type, return-value, misc]
-        behind.stop = lambda writer=writer: bool(writer.go.put(None))  # type: ignore[misc]  # lets go at the first look
-        behind.write(lambda: 1)  # type: ignore[arg-type, return-value]
-        interrupted = interrupted_at(line, behind._wait)
+        open_background_writer = BackgroundWriter(lambda writer=writer: writer, False)  # type: ignore[arg-type, return-value, misc]
+        open_background_writer.stop = lambda writer=writer: bool(writer.go.put(None))  # type: ignore[misc]  # lets go at the first look
+        open_background_writer.write(lambda: 1)  # type: ignore[arg-type, return-value]
+        interrupted = interrupted_at(line, open_background_writer._wait)
         writer.go.put(None)
         began = time.monotonic()
-        behind.abandon("interrupted")
+        open_background_writer.abandon("interrupted")
         assert time.monotonic() - began < 5.0
         assert (writer.frames, writer.status) == ([1], "interrupted")
         line += 1
@@ -82,9 +82,9 @@ def test_an_interrupt_at_any_line_of_waiting_leaves_the_writer_free() -> None:
 def test_a_writer_that_does_not_end_is_left_alone_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(background_thread, "LIMIT", 0.05)
     writer = Slow()
-    behind = Behind(lambda: writer, False)  # type: ignore[arg-type, return-value]
-    behind.write(lambda: 1)  # type: ignore[arg-type, return-value]
-    behind.abandon("interrupted")
+    open_background_writer = BackgroundWriter(lambda: writer, False)  # type: ignore[arg-type, return-value]
+    open_background_writer.write(lambda: 1)  # type: ignore[arg-type, return-value]
+    open_background_writer.abandon("interrupted")
     assert writer.status == ""  # its connection is the other thread's
     writer.go.put(None)
 
@@ -105,9 +105,9 @@ def test_a_further_interrupt_shortens_the_wait(monkeypatch: pytest.MonkeyPatch) 
 def test_a_new_run_without_a_frame_leaves_nothing() -> None:
     writer = SimpleNamespace(write=lambda frame: 1 / 0, discard=lambda: left.append("discarded"))
     left: list[str] = []
-    behind = Behind(lambda: writer, True)  # type: ignore[arg-type, return-value]
-    behind.write(lambda: 1)  # type: ignore[arg-type, return-value]
+    open_background_writer = BackgroundWriter(lambda: writer, True)  # type: ignore[arg-type, return-value]
+    open_background_writer.write(lambda: 1)  # type: ignore[arg-type, return-value]
     with pytest.raises(ZeroDivisionError):
-        behind.done()
-    behind.abandon("failed")
+        open_background_writer.done()
+    open_background_writer.abandon("failed")
     assert left == ["discarded"]

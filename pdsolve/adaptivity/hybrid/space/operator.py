@@ -87,7 +87,7 @@ class HybridBodyOperator(TwoLatticeOperator[BodyEngine]):
         return ModelWithMeanDensities(model.grid, model.settings, model.name, engine.rho[self.grid_rows])
 
     @property
-    def node_and_bond_signatures(self) -> NDArray[np.int64]:
+    def signatures_of_changes(self) -> NDArray[np.int64]:
         """Signature (n,) that changes if a node, its volume or its bonds change."""
         count, family = self.initial_bond_counts_and_family_sizes
         return np.asarray(self.area.view(np.int64) * 31 + 4096 * family + count)
