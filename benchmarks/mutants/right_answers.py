@@ -69,7 +69,7 @@ RIGHT_ANSWERS = (
         "tests/verification/test_zone_strength.py::test_building_warns_of_loads_on_coarse_zones",
     ),
     Mutant(
-        "pdsolve/run/motion_checks.py",
+        "pdsolve/run/recorder.py",
         "    if len(outside):\n",
         "    if False:\n",
         "tests/verification/test_zone_strength.py::test_a_run_says_that_bonds_broke_in_a_coarse_zone",

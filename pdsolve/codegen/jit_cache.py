@@ -176,6 +176,7 @@ class _Cache(FunctionCache):
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         kernel = self._loaded(sig, target_context)
         if kernel is None:
+            self._release(sig)  # of a compilation in this process that an exception, such as a signal's, ended
             with suppress(OSError):
                 lock = ExitStack()
                 lock.enter_context(

@@ -177,9 +177,12 @@ class BondList:
         return near
 
     def _fail(
-        self, now: Now, between: NDArray[Any], rows: NDArray[np.int64], dissipated: NDArray[np.float64]
+        self, now: Now, between: NDArray[Any], rows: NDArray[np.int64], released: NDArray[np.float64]
     ) -> NDArray[Any]:
-        """Let the marked bonds of these nodes (k,) fail, and book the energy lost; returns the new nodal numbers."""
+        """Let the marked bonds of these nodes (k,) fail, and add the energy lost to `released` (n,), J/m^3.
+
+        Returns the new nodal numbers.
+        """
         start, touched, bonds = self._list.start, rows, self._marked(rows)
         if self.law.again is not None:
             near = np.zeros(self._nodes, dtype=np.bool_)
@@ -197,7 +200,7 @@ class BondList:
         else:
             self._share_some(self._loops[0], rows, now, between)
         self._share_some(loops.energy_rows, touched, now, between, strain_energy, dissipated)
-        dissipated[touched] += before - strain_energy[touched]
+        released[touched] += before - strain_energy[touched]
         return between
 
     def update_history(self, state: State) -> None:

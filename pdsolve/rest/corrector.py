@@ -41,7 +41,7 @@ OVERSHOT = 0.5  # of the slope of the energy at the start of a step: with more b
 RUNAWAY = 100  # times the displacements of the first iteration: a body that flows without end
 
 
-class Body(Protocol):
+class RestingBody(Protocol):
     """What is brought to rest: n nodes of w components."""
 
     symmetric: bool  # the tangent
@@ -104,7 +104,7 @@ class Tangents:
 
     halves_steps = True  # at a factor that stays, while the residual does not fall
 
-    def __init__(self, body: Body, most: int = MOST, converging: int = CONVERGING) -> None:
+    def __init__(self, body: RestingBody, most: int = MOST, converging: int = CONVERGING) -> None:
         """`most` iterations, or `converging` while each halves the residual."""
         self.body, self._most, self._converging = body, most, converging
 
@@ -133,7 +133,7 @@ class Corrector:
 
     def __init__(
         self,
-        body: Body,
+        body: RestingBody,
         loads: ProportionalLoads,
         tolerance: float,
         solve: Solve,

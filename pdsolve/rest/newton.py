@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pdsolve.operators.protocol import Operator
 from pdsolve.rest.controls import PathPoint, ProportionalLoads
-from pdsolve.rest.corrector import Body, Corrector, OperatorBody, OperatorResponse, Solve, Tangents
+from pdsolve.rest.corrector import Corrector, OperatorBody, OperatorResponse, RestingBody, Solve, Tangents
 from pdsolve.rest.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
@@ -284,7 +284,7 @@ class Newton:
 class _RestrainedTangents(Tangents):
     """Tangents with the weak springs of what nothing supports."""
 
-    def __init__(self, body: Body, most: int, restrain: Callable[[csr_array, float], csr_array]) -> None:
+    def __init__(self, body: RestingBody, most: int, restrain: Callable[[csr_array, float], csr_array]) -> None:
         super().__init__(body, most, most)
         self._restrain = restrain
 

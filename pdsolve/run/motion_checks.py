@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from pdmesh.model.material_constants import critical_stretch
 from pdmesh.model.neighbours import ROUND_OFF, tree_of
-from pdmesh.model.zone_strengths import coarse_nodes, of_body, weakest_zones
 from pdsolve.checks import named, warn
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
@@ -25,7 +24,6 @@ from pdsolve.laws.law import Sizes
 from pdsolve.model import Model, ModelWarning
 from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.together import unwrap_bond_operator
-from pdsolve.results import Results
 from pdsolve.run.system import System
 from pdsolve.state import Broken, State
 
@@ -33,6 +31,8 @@ AROUND = 4  # nodes next to a node, of which two and the node are a triangle to 
 TOGETHER = 1000  # nodes whose bonds are asked for at once
 FLAT = 0.1  # of a spacing squared: neighbours that span less are in line with the node
 FRACTION = 0.005  # of what breaks a bond: displacements must be known to that, as errors add up over steps
+
+LARGEST = 0.1  # plastic strain up to which j2 in its total form counts as one for small strains
 
 
 class DisplacementRange(NamedTuple):
@@ -309,30 +309,6 @@ def warn_of_unresolved_contact_width(system: System, state: State) -> None:
             f" spacings, less than the {RESOLVED:g} of round bodies: the width and the pressure of a narrower"
             " contact are not resolved; use a finer spacing",
         )
-
-
-def warn_of_broken_bonds_outside_finest_zone(model: Model, results: Results) -> None:
-    """Warn for each body of broken bonds of nodes coarser than its finest, which had less strength."""
-    grid, weakest_zone_of_each = model.grid, weakest_zones(model.grid, model.settings)
-    if not weakest_zone_of_each:
-        return
-    breaks, order = results.breaks(), np.argsort(grid.ids)
-    rows, other_rows = (order[np.searchsorted(grid.ids, ids, sorter=order)] for ids in (breaks.node, breaks.neighbour))
-    for weakest in weakest_zone_of_each:
-        coarse = coarse_nodes(grid, weakest)
-        outside = np.flatnonzero(coarse[rows] | coarse[other_rows])
-        if len(outside):
-            first = outside[0]
-            warn(
-                model,
-                f"{len(outside) / len(breaks.step):.0%} of the broken bonds are outside the finest zone"
-                f"{of_body(weakest.body)}, where strength is down to {weakest.share:.2g} of that within; the first"
-                f" broke at step {breaks.step[first]}, {named(model, int(rows[first]))}; widen the fine zone, or set"
-                ' material.coarse to "matched" or "unbreakable"',
-            )
-
-
-LARGEST = 0.1  # plastic strain up to which j2 in its total form counts as one for small strains
 
 
 def warn_if_plastic_strain_is_large(system: System, step: int) -> bool:

@@ -46,9 +46,9 @@ from pdsolve.run.initial_states import (
     results_file_of_motion_after_equilibrium_path,
     start_in_static_equilibrium,
 )
-from pdsolve.run.motion_checks import warn_of_broken_bonds_outside_finest_zone, warn_of_unresolved_contact_width
+from pdsolve.run.motion_checks import warn_of_unresolved_contact_width
 from pdsolve.run.prepare import prepare, with_chosen_adaptivity
-from pdsolve.run.recorder import BATCH, HistoryUntilCheckpoint, Recorder
+from pdsolve.run.recorder import BATCH, HistoryUntilCheckpoint, Recorder, warn_of_broken_bonds_outside_finest_zone
 from pdsolve.run.subdomain import Subdomain, restore_all_ranks, team_of
 from pdsolve.run.system import NODES_STAY, RefinementThresholdFromStep, Regridder, System, next_multiple
 from pdsolve.state import State

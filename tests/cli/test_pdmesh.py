@@ -300,7 +300,7 @@ def test_settings_laid_over_a_model_are_checked_as_by_pdsolve(here: Path, capsys
         (["info", "a.json", "--set", "material.E=abc"], ("material.E", "abc")),
         (["preview", "a.json", "--set", "material.Q=3"], ("material.Q",)),
         (["info", "a.json", "--set", "run.until=quiet"], ("run.quiet",)),
-        (["build", DURAN, "-o", "c.json", "--set", "medium.D=1"], ("material",)),
+        (["build", DURAN, "-o", "c.json", "--set", "medium.D=1"], ("conditions", "diffusion")),
     ):
         assert main(words) == 2
         said = capsys.readouterr().err

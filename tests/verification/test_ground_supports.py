@@ -163,7 +163,6 @@ def test_what_a_pin_or_a_bed_along_one_axis_leaves_free_is_said() -> None:
 @pytest.mark.parametrize(
     ("bed", "run", "said"),
     [
-        (Spring(box=BOTTOM, stiffness=(0.0, 1e9)), Run(adapt="hybrid"), r"\$\.conditions\[0\].*spring"),
         (Spring(box=BOTTOM, stiffness=(0.0, 1e9)), Run(device="opencl"), r"\$\.conditions\[0\].*spring"),
         (Spring(box=BOTTOM), Run(), r"\$\.conditions\[0\].*none given"),
         (Spring(box=BOTTOM, stiffness=(0.0, 0.0)), Run(), r"\$\.conditions\[0\]\.stiffness.*0"),

@@ -282,12 +282,3 @@ def test_what_cannot_swell_is_refused_in_one_line(name: str) -> None:
             ONE._replace(**options),  # type: ignore[arg-type]
         )
     assert "\n" not in str(refused.value)
-
-
-def test_a_moving_zone_in_space_is_refused_in_one_line() -> None:
-    base = bar(counts=(12, 6, 6))
-    settings = msgspec.structs.replace(base.settings, run=Run(adapt="hybrid"))
-    with pytest.raises(ModelError, match=naming("$.physics", found="thermoelastic", expected="mechanics")) as refused:
-        prepare(Model(base.grid, settings), ONE)
-    assert "space" in str(refused.value)
-    assert "\n" not in str(refused.value)

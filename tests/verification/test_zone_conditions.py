@@ -28,7 +28,8 @@ from pdsolve.zone.cells import COARSE, FINE, lattice_coordinates, place_number_a
 
 H, G, RHO, DT = 1e-3, 9.81e4, 2235.0, 1e-7  # m, m/s^2, kg/m^3, s
 LASTING = Material(E=65e9, rho=RHO, G0=1e9, micromodulus="constant")
-DIMENSIONS = [2, pytest.param(3, marks=pytest.mark.slow)]
+DIMENSIONS = [2, 3]
+pytestmark = pytest.mark.slow  # their kernels take a minute to compile
 Conditions = tuple[Acceleration | Displacement | InitialDisplacement | InitialVelocity | Load | Spring | Velocity, ...]
 
 

@@ -86,7 +86,7 @@ def test_what_a_killed_run_wrote_after_its_checkpoint_is_dropped(
     driven: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Frames, broken bonds, ledger, probes and reactions: copied from under a run with a checkpoint at step 0 only."""
-    for age in ("KEPT", "OLD"):
+    for age in ("CHECKPOINT_WITH_FRAME", "CHECKPOINT_WITH_ROW"):
         monkeypatch.setattr(f"pdsolve.run.recorder.{age}", 1e9)  # s: whatever a busy machine takes
     path, killed = tmp_path / "whole.sqlite", tmp_path / "killed.sqlite"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 import subprocess
 import sys
@@ -12,6 +13,7 @@ from typing import Any
 import pytest
 from plates import ROOT
 
+from pdsolve.codegen import jit_cache
 from pdsolve.codegen.jit_cache import cached_njit
 
 KERNEL = """
@@ -164,3 +166,36 @@ def test_kernels_leave_python_to_other_threads() -> None:
     for package in ("pdmesh", "pdsolve", "pdpost"):
         for file in (ROOT / package).rglob("*.py"):
             assert "nogil=False" not in file.read_text("utf-8"), file
+
+
+def test_a_compilation_that_was_interrupted_gives_its_lock_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The next attempt of the same process does not wait for it."""
+    path = tmp_path / "thrice.py"
+    path.write_text("def thrice(x):\n    return 3 * x\n")
+    spec = importlib.util.spec_from_file_location("thrice", path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    thrice: Any = cached_njit()(module.thrice)
+    lock, waits = jit_cache._lock, []
+
+    def lock_at_once(handle: int, wait: float) -> None:
+        try:
+            lock(handle, 0.0)
+        except BlockingIOError:
+            waits.append(wait)
+            raise
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(jit_cache, "_lock", lock_at_once)
+    with monkeypatch.context() as during:
+        during.setattr(thrice._compiler, "compile", interrupt)
+        with pytest.raises(KeyboardInterrupt):
+            thrice(2)
+    assert thrice(2) == 6
+    assert waits == []

@@ -80,7 +80,7 @@ def test_an_unstable_run_names_the_law_whose_secant_turns_negative(monkeypatch: 
     """And not loads; without such a law these are named."""
     model = plate(square_grid(5, 5), material=GLASS)
     scheme = SimpleNamespace(symmetric=True, name="conservative")
-    bonds = SimpleNamespace()  # of no list
+    bonds = SimpleNamespace(intact_stiffness_bound=lambda: np.zeros(len(model.grid)))  # of no list
     system: Any = SimpleNamespace(model=model, time_step=1.0, stable_time_step=2.0, scheme=scheme, operator=bonds)
     system.initial_energy = 0.0
     books: Any = SimpleNamespace(step=3, time=3.0, work=1.0, kinetic=5.0, strain=0.0)

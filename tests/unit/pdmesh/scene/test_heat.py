@@ -69,7 +69,7 @@ def test_info_says_what_there_is_in_the_words_of_heat() -> None:
 
 @pytest.mark.parametrize(("medium", "unit"), [(Medium(D=5e-7, carries="heat"), "K/s"), (Medium(D=5e-7), "mol/(m^3 s)")])
 def test_info_says_rates_in_what_the_medium_knows(medium: Medium, unit: str) -> None:
-    found = build(Scene(PLATE, 1e-3, COLD, medium=medium).supply(PLATE, rate=2.0, name="core"))
+    found = build(Scene(PLATE, 1e-3, medium=medium).supply(PLATE, rate=2.0, name="core"))
     assert any("'core'" in line and f"rate = 2 {unit}" in line for line in info_lines(info(found.document, "plate")))
 
 
