@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline, stopping
 from pdmesh.file_kinds import FileKind
-from pdmesh.model.amounts import pair_count
 from pdmesh.plain_text import print_text, visible
 from pdmesh.spelling import ALIKE, nearest
 from pdsolve.ranks import launch
@@ -342,6 +341,8 @@ def _time(text: str) -> str:
 
 
 def _show_plan(plan: Plan, args: argparse.Namespace) -> int:
+    from pdmesh.model.amounts import pair_count  # here, as help does without what models need
+
     steps = f"{plan.steps} steps of {plan.time_step:.4g} s (stable up to {plan.stable_time_step:.4g} s)"
     if plan.steps_are_load_steps:
         steps = f"{plan.steps} load steps of {plan.time_step:.4g} s, times without cracks"

@@ -14,7 +14,7 @@ import msgspec
 from pdmesh.messages import unfit
 from pdmesh.model.document import ARC, CRACK, MOST, Fatigue, ParticleRules, Run, Settings
 from pdmesh.model.lattice_calibration import has_partial_cells
-from pdmesh.model.material import Expansion, Material, missing, switch_of
+from pdmesh.model.material import UNKNOWN, Expansion, Material, missing, switch_of
 from pdmesh.model.materials import KINDS, MIXED, Refusal, Refusals, law_name, refused_by
 from pdmesh.model.materials.kind import softens
 from pdmesh.model.mechanical_conditions import RigidBody
@@ -141,7 +141,8 @@ def _refusals(material: Material) -> Refusals:
     given."""
     kind = KINDS[material.model]
     for name in ("E", "rho", "G0"):
-        if 0 < getattr(material, name) < LEAST_OF_MATERIAL:  # a G0 of 0 follows from the critical stretch
+        value = getattr(material, name)
+        if value < LEAST_OF_MATERIAL and not (name == "G0" and value == UNKNOWN):  # which a critical stretch gives
             yield Refusal(name, f"{LEAST_OF_MATERIAL:g} to {MOST:g} in SI units")
     for name, usual in refused_by(kind.name):
         if getattr(material, name) != usual:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from matplotlib import colormaps
@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from pdpost.figures.style import UNKNOWN, narrow
 from pdsolve.measures import fields
-from pdsolve.measures.crack_faces import CrackSurface
 from pdsolve.measures.embedded_model import counts_load_steps, moment
 from pdsolve.results import Results
+
+if TYPE_CHECKING:
+    from pdsolve.measures.crack_faces import CrackSurface  # which SciPy comes with
 
 PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 MICRO = re.compile(r"(?<=[0-9] )u(?=s\b|m\b)")  # of a number's unit

@@ -170,7 +170,8 @@ class StaticBreakage:
 
     def __init__(self, filling: BondSource, pair: Pair | None = None) -> None:
         """`pair` is the bonds' law, if they are independent: those of a curve keep it up to its limit."""
-        self._filling, self._pair = filling, pair if pair is not None and pair.is_curved else None
+        elastic_curve = pair is not None and pair.is_curved and pair.softening is None
+        self._filling, self._pair = filling, pair if elastic_curve else None
         self._columns: dict[int, tuple[NDArray[Any], ...]] = {}  # by first row, as parts may be filled again
 
     def filling(self) -> BondSource:
@@ -202,12 +203,13 @@ class StaticBreakage:
             return part._replace(bonds=bonds._replace(peak=for_ever, limit=for_ever))
         assert self._pair.secant is not None
         for stretch in (limit / 2, limit):
-            at_limit, for_ever_there = (
-                self._pair.secant(None, stretch, 0 * stretch, peak, end) for end in (limit, for_ever[which])
-            )
+            with np.errstate(all="ignore"):  # of a limit that is infinite
+                at_limit, for_ever_there = (
+                    self._pair.secant(None, stretch, 0 * stretch, peak, end) for end in (limit, for_ever[which])
+                )
             if not np.allclose(at_limit, for_ever_there, rtol=1e-9, atol=0):
                 raise ModelError(
-                    "material.law: its secant depends on the limit at which bonds break; in load steps use the peak"
-                    " in its place, or declare the softening"
+                    "$.material.law: its secant depends on the limit at which bonds break; at rest use the peak in"
+                    " its place, or declare the softening"
                 )
         return part._replace(bonds=bonds._replace(limit=for_ever))

@@ -90,7 +90,7 @@ class ArcLengthSteps(CorrectedPathSteps):
         """The next equilibrium, as far along the path as it converges; the state is there then."""
         last, begins = self._last, len(self.step_results) <= bool(self._start.any())
         body = OperatorBody(self._operator, self._area, state)
-        corrector = Corrector(body, self._loads, self._tolerance, self._solve)
+        corrector = Corrector(body, self._loads, self._tolerance, self._solve, has_plastic_flow=self._flows)
         corrector.largest = self._largest
         report_progress = self._make_progress_callback(step)
         if not self.step_results and self._start.any():

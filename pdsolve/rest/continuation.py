@@ -338,7 +338,10 @@ class SofteningPathSteps(CorrectedPathSteps):
 
     def _find_equilibrium_at_load_factor(self, near_point: PathPoint, load_factor: float) -> PathSolution:
         return self._correct(
-            near_point._replace(load_factor=load_factor), None, 0, lambda: Tangents(self._bonds, 2 * MOST, 2 * MOST)
+            near_point._replace(load_factor=load_factor),
+            None,
+            0,
+            lambda: Tangents(self._bonds, 2 * MOST, 2 * MOST, least=1),
         )
 
     def _correct(

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Solve = Callable[["csr_array", Array, Array | None], Array]  # matrix (n w, n w), right sides (f, r), guess: solutions
 
-MOST = 12  # iterations under a control
+MOST = 12  # iterations of an equilibrium
 CONVERGING = 20  # iterations of one whose residual has been halved in each beyond MOST
 NEAR = 0.01  # of a step of the control, by which it may be missed
 FAR = 0.5  # of the largest displacement: an iteration under a control goes no further
@@ -104,9 +104,9 @@ class Tangents:
 
     halves_steps = True  # at a factor that stays, while the residual does not fall
 
-    def __init__(self, body: RestingBody, most: int = MOST, converging: int = CONVERGING) -> None:
-        """`most` iterations, or `converging` while each halves the residual."""
-        self.body, self._most, self._converging = body, most, converging
+    def __init__(self, body: RestingBody, most: int = MOST, converging: int = CONVERGING, least: int = 0) -> None:
+        """From `least` to `most` iterations, or `converging` while each halves the residual."""
+        self.body, self.least, self._most, self._converging = body, least, most, converging
 
     def goes_on(self, iteration: int, residual: float, residual_before: float) -> bool:
         """Whether there may be more iterations than so many, the last two with these residuals."""
@@ -162,7 +162,8 @@ class Corrector:
             way = np.where(constrained, now.at - now.value, 0.0)  # of what is held and not there yet
             starts = aim is None and bool(way.any())
             if not starts:
-                if now.residual < self._tolerance and (aim is None or abs(missed) < NEAR * aim.increment):
+                is_near = aim is None or abs(missed) < NEAR * aim.increment
+                if iteration >= tangents.least and now.residual < self._tolerance and is_near:
                     self.largest = max(self.largest, self._external_force(now.response, now.at))
                     return PathPoint(now.value, now.factor, now.response.dissipated_energy), iteration, now.residual
                 if not np.isfinite(now.residual) or not tangents.goes_on(iteration, now.residual, before):
@@ -172,7 +173,8 @@ class Corrector:
             if aim is None:
                 pushed = now.rest - (matrix @ way.ravel())[self._free] if starts else now.rest
                 way.ravel()[self._free] = self._solve(matrix, pushed[:, None], None)[:, 0]
-                following = self._search_along(way, now, tangents.halves_steps and not starts)
+                halves = tangents.halves_steps and not starts and iteration >= tangents.least
+                following = self._search_along(way, now, halves)
             else:
                 right_sides = np.column_stack([now.rest, self.free_force_by_load_factor(matrix)])
                 a, b = self._solve(matrix, right_sides, np.column_stack([0 * b, b])).T

@@ -167,6 +167,8 @@ class Newton:
                 equilibrium = self._iterate_with_new_tangents(body, conditions, report_progress, done)
             return equilibrium
         except SingularTangentError:
+            state.value[:] = start
+            self.discard_reused_tangent()
             raise
         except NotConvergedError as error:
             state.value[:] = start

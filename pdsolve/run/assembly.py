@@ -80,7 +80,7 @@ def make_operator(
     """The operator of the bonds: in blocks if possible and not excluded by options; and what is counted of the bonds.
 
     `bonds_are_unbreakable`: no bond breaks, as `bond_source` has it; `bonds_swell`: they stretch from what a content
-    makes them long, which tiles do not know.
+    makes them long, which tiles have in zones alone.
     """
     tiled_operator = None if bonds_swell else make_tiled_operator(model, options, scheme, bonds_are_unbreakable)
     if tiled_operator is not None:
@@ -449,6 +449,12 @@ def prepare_quasi_static_run(
 
 def _prepare_softening_equilibrium_path(model: Model, options: Options, scheme: Scheme) -> PreparedRun:
     """A model whose bonds soften, to be followed along its equilibrium path. Raises ModelError."""
+    pair = law_of(model).pair
+    if pair is not None and pair.is_curved:
+        raise ModelError(
+            f"{model.name}: $.material.law is '{model.materials[0].law}', whose force is curved below its peak and then"
+            " softens; use a straight line up to the peak in load steps"
+        )
     filling = scheme.fill(model)
     bonded, filled = make_operator(model, options._replace(kernel="listed"), scheme, filling)
     area = filling.area

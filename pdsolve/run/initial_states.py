@@ -65,7 +65,8 @@ def prepare_quasi_static_model_of_start(model: Model, options: Options, scheme: 
 def apply_initial_displacements(prepared: PreparedRun) -> PreparedRun:
     """A prepared run with initial displacements: with the forces and the energies of time 0, before any step.
 
-    What is prescribed at time 0 holds then. Bonds that are stretched too far break in step 0.
+    What is prescribed at time 0 holds then. Bonds that are stretched too far break in step 0, on lattices and in
+    zones in step 1.
     """
     system, state = prepared
     model, operator, zone = system.model, system.operator, system.moving_zone_operator

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 from pdmesh import stopping
 from pdmesh.commandline import STOPS
-from pdmesh.model.amounts import amounts_line, crack_energy
 from pdmesh.plain_text import print_to_stderr
 
 if TYPE_CHECKING:
@@ -129,6 +128,8 @@ def _diffusion_summary_lines(results_path: Path, summary: dict[str, Any]) -> lis
 
 def _amount_balance_text(summary: dict[str, Any]) -> str:
     """Where a substance or heat is, and where it has gone."""
+    from pdmesh.model.amounts import amounts_line  # here and below, as help does without what models need
+
     amounts = summary.get("amounts") or summary["masses"] | {"unit": "mol"}  # files of earlier releases
     return amounts_line(amounts["unit"], amounts["inside"], amounts["through"], amounts["supplied"], summary["balance"])
 
@@ -150,6 +151,8 @@ def _step_kind_and_end_text(summary: dict[str, Any]) -> tuple[str, str]:
 
 def format_summary_lines(results_path: Path, summary: dict[str, Any]) -> list[str]:
     """What a run has computed, in lines: its size, time, energies and cracks."""
+    from pdmesh.model.amounts import crack_energy
+
     if summary.get("physics") == "diffusion":
         return _diffusion_summary_lines(results_path, summary)
     energy = summary["energy"]

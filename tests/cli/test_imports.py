@@ -51,7 +51,7 @@ GROUND = (
 MAY = {  # what a program may import of the others
     "pdmesh": (),
     "pdsolve": GROUND,
-    "pdpost": (*GROUND, "pdsolve.errors", "pdsolve.results", "pdsolve.study"),
+    "pdpost": (*GROUND, "pdsolve.errors", "pdsolve.fracture", "pdsolve.measures", "pdsolve.results", "pdsolve.study"),
 }
 BARE = """import numpy as np  # a bare list of nodes, solved
 from pdmesh.model.node_grid import Grid

@@ -210,7 +210,7 @@ REFUSED = {
     "setting of the solver": (["build", DURAN, "--set", "run.ledger=5"], "'run.ledger' is a setting of the solver"),
     "by meaning": (["build", DURAN, "--set", "young=5"], "did you mean 'Peridynamics/Material/E'?"),
     "name of nothing": (["build", DURAN, "--set", "bogus=5"], "; pdmesh params lists"),
-    "constant of nothing": (["params", SCRIPT, "--trust", "--set", "material.nu=0"], "is a setting of the solver"),
+    "constant of nothing": (["params", SCRIPT, "--trust", "--set", "material.nu=0"], "is not in the drawing"),
     "unit of a constant": (["params", SCRIPT, "--trust", "--set", "spacing=5s"], "'5s'; use a number, in m, or with"),
     "dry run of nothing": (["build", DURAN, "--dry-run", "-o", "nowhere/plate.json"], "no folder"),
     "no number": (["build", DURAN, "--set", "Zones/fine/Spacing=x"], "'x'"),

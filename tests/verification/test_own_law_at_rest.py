@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
+from typing import Literal
+
+import msgspec
 import numpy as np
 import pytest
+from curved_law import LAW as CURVED
 from plates import plate, square_grid
 
 from pdmesh.model.document import Displacement, Load, Material, Run, Static
@@ -134,4 +139,26 @@ def test_a_secant_that_depends_on_the_limit_is_refused(monkeypatch: pytest.Monke
     model = notched_plate("mine", 2.0, 1e-3)
     assert law_of(model).pair is pair
     with pytest.raises(ModelError, match="secant depends on the limit"), simulate(model, None, ONE):
+        pass
+
+
+def test_a_law_that_is_curved_before_it_softens_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Softening paths take bonds as straight up to their peak."""
+    monkeypatch.setitem(LAWS, "mine", CURVED)
+    with (
+        pytest.raises(ModelError, match="curved below its peak"),
+        simulate(notched_plate("mine", 2.0, 1e-3), None, ONE),
+    ):
+        pass
+
+
+@pytest.mark.parametrize(("static", "after"), [(Static(control="arc"), "path"), (Static(load_steps=2), "motion")])
+def test_a_law_that_does_not_soften_has_no_path(
+    static: Static, after: Literal["path", "motion"], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(LAWS, "mine", SATURATING)
+    model = notched_plate("mine", 2.0, 1e-3)
+    run = msgspec.structs.replace(model.settings.run, static=static, after=after, duration=1e-6)
+    model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
+    with pytest.raises(ModelError, match=r"\$\.run\."), simulate(model, None, ONE):
         pass

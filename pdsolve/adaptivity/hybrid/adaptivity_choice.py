@@ -19,7 +19,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.contradictions import Case
-from pdmesh.model.document import Adapt, Displacement, Hybrid, InitialVelocity, Load, Selection, Velocity
+from pdmesh.model.document import (
+    Acceleration,
+    Adapt,
+    Displacement,
+    Hybrid,
+    InitialDisplacement,
+    InitialVelocity,
+    Load,
+    Selection,
+    Velocity,
+)
 from pdmesh.model.material_constants import pressure_speed, rayleigh_speed
 from pdmesh.model.possible import impossible
 from pdmesh.model.selection import components, given_of
@@ -154,10 +164,17 @@ def _estimate_largest_strain(model: Model) -> float:
                 for name, v in given_of(condition).items()
             ]
             strain = max(strain, most * SWING * float(np.max(stress)) / softest)
-        elif isinstance(condition, Velocity | InitialVelocity | Displacement):
+        elif isinstance(condition, Velocity | InitialVelocity | Displacement | InitialDisplacement | Acceleration):
             amplitude = _largest_absolute_components(model, condition, components(condition, 2))
-            is_displacement = isinstance(condition, Displacement)
-            strain = max(strain, most * float(np.max(amplitude / sides if is_displacement else amplitude / speed)))
+            if isinstance(condition, Acceleration):  # as of a body force
+                strains = SWING * amplitude * sides / speed**2
+            else:
+                is_displacement = isinstance(condition, Displacement | InitialDisplacement)
+                strains = amplitude / (sides if is_displacement else speed)
+            strain = max(strain, most * float(np.max(strains)))
+            if isinstance(condition, InitialVelocity) and condition.spin:  # that of a rod which begins to turn
+                turning = abs(float(np.max(np.abs(condition.spin)))) * float(sides.max())
+                strain = max(strain, SWING * (turning / speed) ** 2 / 8)
     return strain
 
 

@@ -138,7 +138,7 @@ class HybridEngine:
             self._advance(first_step, end_step)
 
     def sum_forces_and_break_bonds(self, step: int, dt: float) -> None:
-        """Sum the forces at the current displacements, of bonds alone; bonds over their limit break in this step.
+        """Sum the forces of bonds and of springs to the ground; bonds over their limit break in this step.
 
         `dt` is the time since the last step, s, 0 at rest. Raises FineZoneTooLateError if a clipped bond exceeds its
         limit.

@@ -97,7 +97,7 @@ def create_hybrid_operator_and_stable_step(
 
 
 def rows_with_content_jumps(model: Model) -> NDArray[np.int64]:
-    """Rows of the nodes at which a content that swells a plate may leap within a spacing: it is held, exchanged or
+    """Rows of the nodes at which a content that swells a body may leap within a spacing: it is held, exchanged or
     supplied through an edge there. A coarse cell would know no more than its mean."""
     if not model.swells:
         return np.zeros(0, dtype=np.int64)

@@ -15,8 +15,9 @@ from plates import GLASS, plate, shipped, square_grid
 from zoned_plates import rectangle
 
 from pdmesh.drawing.additions import ADAPT
-from pdmesh.model.document import Acceleration, Hybrid, Load, Run, Velocity
+from pdmesh.model.document import Acceleration, Hybrid, InitialDisplacement, InitialVelocity, Load, Run, Velocity
 from pdmesh.model.material import Material
+from pdmesh.model.material_constants import pressure_speed
 from pdsolve.adaptivity.hybrid.adaptivity_choice import (
     _estimate_largest_strain,
     choose_adaptivity,
@@ -64,6 +65,24 @@ def test_the_strain_of_conditions_is_counted() -> None:
     found = predict_zone_size_and_cost(Model(built.grid, built.settings), Options())
     np.testing.assert_allclose(found.strain_over_refinement_strain, 16.5 / 5353 / (0.7 * 9.562e-3), rtol=1e-3)  # 0.4605
     np.testing.assert_allclose(found.fine_share_at_start, 0.054, atol=5e-4)
+
+
+def test_the_strain_of_accelerations_spins_and_initial_displacements_is_counted() -> None:
+    """A plate of 24 x 20 mm: of a ramp of 1 mm, of 1e9 m/s^2 along x, and of 1e5 rad/s."""
+    grid, speed = square_grid(24, 20), pressure_speed(GLASS)
+    everywhere = tuple(range(1, 481))
+    strains = [
+        _estimate_largest_strain(plate(grid, conditions=(condition,)))
+        for condition in (
+            InitialDisplacement(nodes=everywhere, x=1e-3),
+            Acceleration(nodes=everywhere, x=1e9),
+            InitialVelocity(nodes=everywhere, spin=1e5),
+        )
+    ]
+    length = 23e-3
+    assert strains == pytest.approx(
+        [1e-3 / length, 2 * 1e9 * length / speed**2, 2 * (1e5 * length / speed) ** 2 / 8], rel=1e-12
+    )
 
 
 def test_a_total_force_strains_as_its_traction_does() -> None:

@@ -86,9 +86,12 @@ def test_a_crack_between_nodes_is_not_spoken_of_and_one_through_them_is() -> Non
     assert mentions(lines[0], "$.notch[1]", found=("2 nodes", "node 15", "(0.005, 0.001) m"))
 
 
-def test_the_material_of_a_region_is_named() -> None:
-    region = Region(box=(0.0, 0.0, 1.0, 1e-3), material=msgspec.structs.replace(GLASS, E=1e-40))
-    with pytest.raises(ModelError, match=naming("$.regions[0].material.E", found="1e-40", expected=("1e-30", "1e+30"))):
+@pytest.mark.parametrize("E", [1e-40, 0.0, -1.0])
+def test_the_material_of_a_region_is_named(E: float) -> None:
+    """Numbers of models made in Python are checked as those of files are."""
+    region = Region(box=(0.0, 0.0, 1.0, 1e-3), material=msgspec.structs.replace(GLASS, E=E))
+    expected = ("1e-30", "1e+30")
+    with pytest.raises(ModelError, match=naming("$.regions[0].material.E", found=f"{E:g}", expected=expected)):
         prepare(plate(square_grid(9, 8), regions=(region,)), Options(threads=1))
 
 

@@ -390,7 +390,7 @@ class BodyEngine(SwellingBody):
         self._begin_accelerations(np.zeros_like(self.state.second), velocity)
 
     def compute_initial_forces(self) -> None:
-        """Set the accelerations at time 0 from the displacements there are; bonds over their limit break."""
+        """Set the accelerations at time 0 from the displacements there are; nothing breaks yet."""
         self.sum_forces_and_break_bonds(0, 0.0)
         self._begin_accelerations(self.bond_accelerations, self.gather(self.coarse.v[0], self.fine.v[0]).T)
 
@@ -438,7 +438,7 @@ class BodyEngine(SwellingBody):
             self.held_force[mask] = march.drive_of_lanes.held_force
 
     def sum_forces_and_break_bonds(self, step: int, dt: float) -> None:
-        """Sum the forces at the displacements there are, of bonds alone; bonds over their limit break in this step.
+        """Sum the forces of bonds and of springs to the ground; bonds over their limit break in this step.
 
         `dt` is the time since the last step, s.
         """

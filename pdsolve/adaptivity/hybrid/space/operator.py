@@ -120,7 +120,7 @@ class HybridBodyOperator(TwoLatticeOperator[BodyEngine]):
             values[:] = of_engine[self.grid_rows]
 
     def accelerations(self) -> NDArray[np.float64]:
-        """Accelerations (n, 3), m/s^2, from the most recent sum of forces of bonds."""
+        """Accelerations (n, 3), m/s^2, from the most recent sum of forces of bonds and ground springs."""
         return self.engine.bond_accelerations[self.grid_rows].astype(np.float64)
 
     def dissipated_energy(self) -> NDArray[np.float64]:
