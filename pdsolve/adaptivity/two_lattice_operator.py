@@ -155,9 +155,8 @@ class TwoLatticeOperator(ABC, Generic[N]):
         rows = abs(self.tangent(zero_state(nodes, 2))).sum(axis=1)
         return np.asarray(rows.reshape(nodes, 2).max(axis=1) / 2, dtype=np.float64)
 
-    def intact_stiffness_bound(self) -> NDArray[np.float64]:
-        """A bound (n,), N/m^4; bonds that broke are none of the tangent's."""
-        return self.stiffness_bound()
+    def intact_stiffness_bound(self) -> None:
+        """None: pairs that are left are no stiffer as others break."""
 
     def march(self, motion: Motion) -> Stepper | None:
         """Steps of both lattices, which have the motion and its conditions."""

@@ -21,7 +21,7 @@ from numba import njit, types
 from numba.core import cgutils
 from numba.extending import intrinsic, overload, register_jitable
 
-from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.inner_functions import INNER, is_none
 from pdsolve.codegen.lanes import Lanes, beside, keep, same, where_above
 from pdsolve.codegen.vector_code import INT, ROW, call, join, lanes_of_register, repeat, split
 from pdsolve.lattice.force_polynomials import WIDE, coefficients, stretch_coefficients
@@ -301,7 +301,7 @@ def displaced(u: Any, shrink: Any, x: Any, y: Any, i: Any, j: Any) -> Any:
 
 @overload(displaced, jit_options=IN_PLACE)
 def _displaced(u, shrink, x, y, i, j):  # type: ignore[no-untyped-def]
-    if isinstance(shrink, types.NoneType):
+    if is_none(shrink):
         return lambda u, shrink, x, y, i, j: (u[0, j] - u[0, i], u[1, j] - u[1, i])
 
     def relieved(u, shrink, x, y, i, j):  # type: ignore[no-untyped-def]

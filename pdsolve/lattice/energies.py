@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit, types
+from numba import njit
 
-from pdsolve.codegen.inner_functions import INNER, overloaded
+from pdsolve.codegen.inner_functions import INNER, is_none, overloaded
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep, magnitude, same, unless_none, where_above
 from pdsolve.codegen.vector_code import ROW
@@ -83,7 +83,7 @@ def _stored_by_line(bonds, history, common, w, quarter, e, slot, lane):  # type:
 @overloaded(INNER)
 def has_lanes(mask, first, count):  # type: ignore[no-untyped-def]
     """Whether a mask has any of so many lanes from `first` on; without a mask, None, all are asked for."""
-    if isinstance(mask, types.NoneType):
+    if is_none(mask):
         return lambda mask, first, count: True
 
     return lambda mask, first, count: mask[first : first + count].any()
@@ -103,7 +103,7 @@ def sum_dissipated(bonds, history, dissipated, group, mask):  # type: ignore[no-
         return lambda bonds, history, dissipated, group, mask: None
     if is_in_tiles(bonds):
         return _in_tile
-    return _in_block if isinstance(mask, types.NoneType) else None
+    return _in_block if is_none(mask) else None
 
 
 def _in_tile(bonds, history, dissipated, group, mask):  # type: ignore[no-untyped-def]

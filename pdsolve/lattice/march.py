@@ -11,10 +11,10 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import njit
 from numpy.typing import NDArray
 
-from pdsolve.codegen.inner_functions import INNER, overloaded
+from pdsolve.codegen.inner_functions import INNER, is_none, overloaded
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, keep, same
 from pdsolve.conditions import (
@@ -339,7 +339,7 @@ def _add_contact_forces(arrays, group):  # type: ignore[no-untyped-def]
 @overloaded(IN_PLACE)
 def over_density(force, rho, inverse_rho, at):  # type: ignore[no-untyped-def]
     """Accelerations of lanes from `at` on from force densities."""
-    if isinstance(inverse_rho, types.NoneType):
+    if is_none(inverse_rho):
         return lambda force, rho, inverse_rho, at: divided(force, beside(rho, ONE, at)[0])
     return lambda force, rho, inverse_rho, at: multiplied(force, beside(inverse_rho, ONE, at)[0])
 
@@ -416,7 +416,7 @@ def _accelerate_and_half_kick_group(arrays, drive, state, sweep, group):  # type
 @overloaded(INNER)
 def damp_group(arrays, damping, state, sweep, group):  # type: ignore[no-untyped-def]
     """Damp the end of a step of a group as its beginning, and book the energy taken; see `holds`."""
-    if isinstance(damping, types.NoneType):
+    if is_none(damping):
         return lambda arrays, damping, state, sweep, group: None
     return _damp
 

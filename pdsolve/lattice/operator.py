@@ -92,9 +92,9 @@ class LatticeOperator(ABC):
         """A bound (n,) of each node's stiffness, N/m^4; see `Operator`."""
         return self._stiffness_bound
 
-    def intact_stiffness_bound(self) -> NDArray[np.float64]:
-        """The same bound: what is left of bonds of pairs is no stiffer."""
-        return self._stiffness_bound
+    def intact_stiffness_bound(self) -> NDArray[np.float64] | None:
+        """None: pairs that are left are no stiffer as others break."""
+        return None
 
     @abstractmethod
     def marched(self) -> MarchedBonds:

@@ -12,9 +12,9 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numba import njit, types
+from numba import njit
 
-from pdsolve.codegen.inner_functions import overloaded
+from pdsolve.codegen.inner_functions import is_none, overloaded
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside, bonded, keep, magnitude, same, unless_none, where_above
 from pdsolve.codegen.vector_code import ROW
@@ -136,7 +136,7 @@ def neighbour_shrinkage(bonds, history, at, slot, lane):  # type: ignore[no-unty
 def _swells(arrays: Any) -> bool:
     """Whether the numba type of tiles, or of the history of blocks, has strains of free nodes."""
     fields = arrays.instance_class._fields
-    return "shrink" in fields and not isinstance(arrays.types[fields.index("shrink")], types.NoneType)
+    return "shrink" in fields and not is_none(arrays.types[fields.index("shrink")])
 
 
 @in_tiles(common_of_tile)

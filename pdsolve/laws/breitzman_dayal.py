@@ -94,12 +94,7 @@ def first_pass(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
 
 def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
     d = law.d
-    for a in range(d):
-        for b in range(d):
-            total = m[i, 0] * 0
-            for c in range(d):
-                total += m[i, d * a + c] * law.inverse[i, d * c + b]
-            m[i, d * d + d * a + b] = total
+    gradient.multiply_by_inverse(law, i, m, m, d * d)
     gradient.piola_stress(law, i, m, d * d)
 
 

@@ -229,11 +229,9 @@ class BondList:
         """A bound (n,) of each node's stiffness, N/m^4; see `Operator`."""
         return self._stiffness_bound
 
-    def intact_stiffness_bound(self) -> NDArray[np.float64]:
-        """A bound (n,) of each node's stiffness with the bonds that are left, N/m^4."""
-        if self.law.scale is None:
-            return self._stiffness_bound
-        return self._resistance(self.law, self._bonds)
+    def intact_stiffness_bound(self) -> NDArray[np.float64] | None:
+        """A bound (n,) of each node's stiffness with the bonds that are left, N/m^4; None without families' shapes."""
+        return None if self.law.scale is None else self._resistance(self.law, self._bonds)
 
     def march(self, motion: Motion) -> Stepper | None:
         """None: Verlet takes the steps."""

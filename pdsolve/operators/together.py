@@ -61,9 +61,9 @@ class Together:
         """A bound (n,) of each node's stiffness, N/m^4: largest eigenvalues add up at most."""
         return np.asarray(sum(part.stiffness_bound() for part in self.parts))
 
-    def intact_stiffness_bound(self) -> NDArray[np.float64]:
-        """A bound (n,) of each node's stiffness with the bonds that are left, N/m^4."""
-        return np.asarray(sum(part.intact_stiffness_bound() for part in self.parts))
+    def intact_stiffness_bound(self) -> NDArray[np.float64] | None:
+        """That of the bonds, which are the last part."""
+        return self.parts[-1].intact_stiffness_bound()
 
     def march(self, motion: Motion) -> Stepper | None:
         """None: Verlet adds up what the parts add."""

@@ -31,9 +31,8 @@ class UnbreakableOperator:
         """A bound (n,) of each node's stiffness, N/m^4."""
         raise NotImplementedError("written for each operator")
 
-    def intact_stiffness_bound(self) -> NDArray[np.float64]:
-        """The same bound, as no bond breaks."""
-        return self.stiffness_bound()
+    def intact_stiffness_bound(self) -> None:
+        """None: no bond breaks."""
 
     def march(self, motion: Motion) -> Stepper | None:
         """None: general steppers take the steps."""

@@ -375,7 +375,7 @@ class SofteningPathSteps(CorrectedPathSteps):
 
     def _advance_to_next_equilibrium(self, step: int) -> PathSolution:
         """A step of dissipation, as large as it converges."""
-        iterations, last, secants = 0, self._last, 0
+        last, secants = self._last, 0
         self._more = min(self._more, max(self._opening - self._control_value(last), LEAST * self._most))
         while True:
             done = self._control_value(last) - self._control_value(self._before)
@@ -409,7 +409,7 @@ class SofteningPathSteps(CorrectedPathSteps):
                 self.end_reason = "the path turns round beyond the loads"
             self.finished = True
         self._end_at_final_opening(new)
-        return new, iterations + count, residual
+        return new, count, residual
 
     def _choose_secant_iterations_for_retry(self, secant_iterations: int, error: NotConvergedError) -> int:
         """Secants to begin the step again with, after it did not converge with so many; sets how much more is spent.

@@ -29,12 +29,12 @@ def model_with_load_steps(model: Model) -> Model:
     if uses_softening_path_control(model) or uses_crack_length_control(model) or uses_arc_length_control(model):
         return _model_with_path_steps(model)
     if run.static.control is not None or run.after == "motion":
-        key, value, use = (
-            ("run.after", "motion", "path")
-            if run.static.control is None
-            else ("run.static.control", run.static.control, "none")
+        named = (
+            "run.after is 'motion'; use path"
+            if run.after == "motion"
+            else f"run.static.control is '{run.static.control}'; use none"
         )
-        raise ModelError(f"{model.name}: $.{key} is '{value}'; use {use}, as no bond softens before it breaks")
+        raise ModelError(f"{model.name}: $.{named}, as no bond softens before it breaks")
     if run.fatigue is not None:
         changed = msgspec.structs.replace(run, time_step=1.0, ledger=1)
         stepped_model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=changed))

@@ -401,13 +401,11 @@ def _instability_cause_text(system: System) -> str:
         names = " and ".join(f"'{name}'" for name in laws)
         return f"; the likely cause is the law {names}, whose secant turns negative"
     if system.scheme.symmetric:
-        # On ranks the operator is that of one window; bonds of zones are pairs, which get no stiffer as others break
-        if system.ranks is None and system.moving_zone_operator is None:
+        intact_step = np.inf  # on ranks unknown, whose operator here has the nodes of one rank
+        if system.ranks is None:
             intact_step = compute_stable_time_step_of_intact_bonds(system.model, system.operator)
-            if system.time_step > intact_step:
-                return (
-                    f", and with the bonds that are left up to {intact_step:.4g} s; take a shorter step (run.time_step)"
-                )
+        if system.time_step > intact_step:
+            return f", and with the bonds that are left up to {intact_step:.4g} s; take a shorter step (run.time_step)"
         return "; the step is not the cause: check loads and prescribed motion"
     return (
         f"; the cause is the one-sided bonds of the {system.scheme.name} mode, which make energy: --mode conservative"

@@ -254,8 +254,9 @@ def compute_stable_time_step(model: Model, operator: Operator) -> float:
 
 
 def compute_stable_time_step_of_intact_bonds(model: Model, operator: Operator) -> float:
-    """The longest surely stable step, s, with the bonds that are left, which may be shorter than at the start."""
-    return stable_time_step_from_stiffness_bound(unwrap_bond_operator(operator).intact_stiffness_bound(), model.rho)
+    """The longest surely stable step, s, with the bonds that are left; infinite where it is none the shorter."""
+    bound = operator.intact_stiffness_bound()
+    return np.inf if bound is None else stable_time_step_from_stiffness_bound(bound, model.rho)
 
 
 def stable_time_step_from_stiffness_bound(stiffness_bound: NDArray[np.float64], rho: NDArray[np.float64]) -> float:

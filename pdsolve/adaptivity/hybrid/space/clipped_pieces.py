@@ -18,6 +18,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from pdsolve.codegen.inner_functions import is_none
 from pdsolve.codegen.vector_code import INT, call
 from pdsolve.lattice.force_polynomials import NARROW, coefficients
 
@@ -39,7 +40,7 @@ def add_forces_of_eight_bond_pieces(  # type: ignore[no-untyped-def]
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         arrays = zip(signature.args[:8], values[:8], strict=True)
         data = [context.make_array(kind)(context, builder, array).data for kind, array in arrays]
-        _add(builder, data, values[8], values[9], not isinstance(swelling, types.NoneType))
+        _add(builder, data, values[8], values[9], not is_none(swelling))
         return context.get_dummy_value()
 
     numbers = types.int64, types.int64

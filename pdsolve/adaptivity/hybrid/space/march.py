@@ -11,11 +11,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.pieces import GroupedBondPieceSprings, add_bond_piece_forces
-from pdsolve.codegen.inner_functions import INNER, overloaded
+from pdsolve.codegen.inner_functions import INNER, is_none, overloaded
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.lanes import across, beside
 from pdsolve.codegen.vector_code import ROW
@@ -157,7 +157,7 @@ def interpolate_border_displacements(border, coarse_u, u):  # type: ignore[no-un
 @overloaded(INNER)
 def _move_off(place, off, u):  # type: ignore[no-untyped-def]
     """Move nodes on the border off where coarse nodes have them, if nodes swell."""
-    if isinstance(off, types.NoneType):
+    if is_none(off):
         return lambda place, off, u: None
 
     def move(place, off, u):  # type: ignore[no-untyped-def]

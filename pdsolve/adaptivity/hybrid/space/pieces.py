@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, types
+from numba import njit
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.arrangement import (
@@ -22,7 +22,7 @@ from pdsolve.adaptivity.hybrid.space.arrangement import (
     create_bond_piece_end_points,
 )
 from pdsolve.adaptivity.hybrid.space.clipped_pieces import TOGETHER, add_forces_of_eight_bond_pieces
-from pdsolve.codegen.inner_functions import INNER, overloaded
+from pdsolve.codegen.inner_functions import INNER, is_none, overloaded
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.numerics.memory import aligned
 from pdsolve.zone.cells import floor_divide, place_number_at
@@ -229,7 +229,7 @@ def _set_point_displacements(fine_u, coarse_u, pieces):  # type: ignore[no-untyp
 @overloaded(INNER)
 def _add_swelling(u, swelling):  # type: ignore[no-untyped-def]
     """Add how far points are off, and set the last column, where pieces swell."""
-    if isinstance(swelling, types.NoneType):
+    if is_none(swelling):
         return lambda u, swelling: None
 
     def add(u, swelling):  # type: ignore[no-untyped-def]
