@@ -31,7 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 ROOT = Path(__file__).parent.parent
-COARSER = 2.0  # times the spacings of a scene
+COARSER = 2.0  # times the spacings of a scene, if not given
 WEAKER = 0.1  # of its fracture energy
 # How many in all, between frames, between ledger entries; a load step takes as long as some fifty time steps
 TIME_STEPS, LOAD_STEPS = (400, 200, 50), (8, 4, 2)
@@ -161,12 +161,12 @@ def work(jobs: dict[str, list[str]], folder: Path, tree: Path) -> None:
 # In the process that compares
 
 
-def coarsened(scene: Path) -> list[str]:
-    """Words for `pdmesh build` that double a scene's spacings."""
+def coarsened(scene: Path, coarser: float) -> list[str]:
+    """Words for `pdmesh build` that make a scene's spacings so many times as large."""
     words = [sys.executable, "-m", "pdmesh", "params", str(scene), "--trust", "--json"]
     parameters = json.loads(subprocess.run(words, capture_output=True, text=True, check=True).stdout)
     spacings = {name: row["value"] for name, row in parameters.items() if name.lower().endswith("spacing")}
-    return [word for name, value in spacings.items() for word in ("--set", f"{name}={COARSER * value:g}")]
+    return [word for name, value in spacings.items() for word in ("--set", f"{name}={coarser * value:g}")]
 
 
 def differing(here: Arrays, there: Arrays) -> list[str]:
@@ -184,9 +184,9 @@ def differing(here: Arrays, there: Arrays) -> list[str]:
     return sorted(lines)
 
 
-def compare(against: Path, scenes: list[Path], folder: Path) -> int:
+def compare(against: Path, scenes: list[Path], coarser: float, folder: Path) -> int:
     """Print what each way of each scene has; returns how many differ."""
-    jobs = {str(scene): coarsened(scene) for scene in scenes}
+    jobs = {str(scene): coarsened(scene, coarser) for scene in scenes}
     running = []
     for tree in (ROOT, against):
         scratch = folder / ("this" if tree == ROOT else "other")
@@ -227,6 +227,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="benchmarks.compare", description=__doc__)
     parser.add_argument("against", type=Path, help="another checkout")
     parser.add_argument("--scenes", default="", help="some of geometries, separated by commas (default: all plates)")
+    parser.add_argument("--coarser", type=float, default=COARSER, help="times the spacings (default: %(default)s)")
     args = parser.parse_args()
     against = args.against.resolve()
     if not (against / "pdsolve" / "__main__.py").is_file():
@@ -236,7 +237,7 @@ def main() -> int:
     wanted = [scene for scene in PLATES if not args.scenes or scene.stem in args.scenes.split(",")]
     began = time.perf_counter()
     with tempfile.TemporaryDirectory() as folder:
-        different = compare(against, wanted, Path(folder))
+        different = compare(against, wanted, args.coarser, Path(folder))
     ways = len(wanted) * (len(ADAPTED) + len(WAYS))
     print(f"{ways} runs of {len(wanted)} scenes in {time.perf_counter() - began:.0f} s: {different} differ")
     return int(different > 0)
