@@ -174,19 +174,17 @@ def compared(case: Case, repeat: int) -> str:
         "fine at the end, %",
         "clipped bonds, of s0",
     ]
-    rows = [_row(run, runs["none"], case.turns) for run in (*runs["none"], *runs["hybrid"])]
+    rows = []
+    for run in (*runs["none"], *runs["hybrid"]):
+        off = np.mean([distance(run, reference) for reference in runs["none"] if reference is not run])
+        name, turned = "uniform" if run.adapt == "none" else run.adapt, f"{angle(run.path):.1f}" if case.turns else "-"
+        cells = [name, f"{run.share:g}", f"{1e6 * run.first:.2f}", turned, f"{100 * off:.1f}", f"{run.dissipated:.4g}"]
+        rows.append([*cells, f"{100 * run.balance:+.2f}", f"{100 * run.fine:.1f}", f"{run.clipped:.2f}"])
     return (
         f"## {case.title}: {len(plate.grid)} nodes\n\nCPU time of the loop, least of {repeat} in turn, one thread:"
         f" uniform {uniform:.2f} s, hybrid {hybrid:.2f} s, **{uniform / hybrid:.1f} times**.\n\n"
         + markdown_table(header, rows)
     )
-
-
-def _row(run: Run, uniform: list[Run], turns: bool) -> list[str]:
-    off = np.mean([distance(run, reference) for reference in uniform if reference is not run])
-    name, turned = "uniform" if run.adapt == "none" else run.adapt, f"{angle(run.path):.1f}" if turns else "-"
-    cells = [name, f"{run.share:g}", f"{1e6 * run.first:.2f}", turned, f"{100 * off:.1f}", f"{run.dissipated:.4g}"]
-    return [*cells, f"{100 * run.balance:+.2f}", f"{100 * run.fine:.1f}", f"{run.clipped:.2f}"]
 
 
 def scenes() -> str:

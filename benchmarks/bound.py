@@ -33,8 +33,3 @@ def ns_per_bond(precision: str) -> float:
     _operate(values, factor, 1)
     best = least({"": lambda: timed(lambda: _operate(values, factor, TIMES), time.perf_counter)}, ROUNDS)
     return 1e9 * best[""] / (LANES * TIMES)
-
-
-if __name__ == "__main__":
-    for kind in ("float64", "float32"):
-        print(f"{kind}: {ns_per_bond(kind):.3f} ns a bond")

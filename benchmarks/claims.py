@@ -55,12 +55,8 @@ class Case:
     long: bool = False  # too long for a quick test
 
 
-def _time(event: str) -> Callable[[Results, CrackEvents], float]:
-    return lambda _, events: np.nan if getattr(events, event) is None else getattr(events, event).time * 1e6
-
-
-def _step(event: str) -> Callable[[Results, CrackEvents], float]:
-    return lambda _, events: np.nan if getattr(events, event) is None else float(getattr(events, event).step)
+def _of(event: str, quantity: str, factor: float = 1.0) -> Callable[[Results, CrackEvents], float]:
+    return lambda _, events: np.nan if (at := getattr(events, event)) is None else factor * getattr(at, quantity)
 
 
 def _apart(results: Results, _: CrackEvents) -> float:
@@ -70,10 +66,6 @@ def _apart(results: Results, _: CrackEvents) -> float:
         arms = (branch for branch in branches if tuple(branch.points[0].tolist()) == fork.place)
         return max(float(arm.passing_time[1]) for arm in arms) * 1e6
     return np.nan
-
-
-def _place(event: str, sign: float = 1.0) -> Callable[[Results, CrackEvents], float]:
-    return lambda _, events: np.nan if getattr(events, event) is None else sign * getattr(events, event).along * 1e3
 
 
 def _angle(results: Results, _: CrackEvents) -> float:
@@ -109,9 +101,9 @@ def _glass(
     start: float, branch: float, place: str, accepted: tuple[float, float, float, float, float, float]
 ) -> tuple[Claim, ...]:
     return (
-        Claim("start of propagation, µs", f"about {start:g}", accepted[0], accepted[1], _time("start")),
+        Claim("start of propagation, µs", f"about {start:g}", accepted[0], accepted[1], _of("start", "time", 1e6)),
         Claim("branching, µs", f"about {branch:g}", accepted[2], accepted[3], _apart),
-        Claim("place of branching, mm", place, accepted[4], accepted[5], _place("branching")),
+        Claim("place of branching, mm", place, accepted[4], accepted[5], _of("branching", "along", 1e3)),
     )
 
 
@@ -170,9 +162,9 @@ CASES = (
         "Oblique crack",
         "oblique_crack.geo",
         (
-            Claim("first broken bond, step", "240", 0.88 * 240, 1.12 * 240, _step("first_break")),
+            Claim("first broken bond, step", "240", 0.88 * 240, 1.12 * 240, _of("first_break", "step")),
             Claim("width cracked at step 300, mm", "half of 30", 0.88 * 12.5, 1.12 * 12.5, _width(300)),
-            Claim("split, step", "450", 0.88 * 450, 1.12 * 450, _step("split")),
+            Claim("split, step", "450", 0.88 * 450, 1.12 * 450, _of("split", "step")),
         ),
         (240, 300, 450),
         long=True,
@@ -182,9 +174,9 @@ CASES = (
         "Plate with a hole",
         "plate_with_hole.geo",
         (
-            Claim("start of the cracks, step", "about 250", 0.85 * 250, 1.15 * 250, _step("start")),
+            Claim("start of the cracks, step", "about 250", 0.85 * 250, 1.15 * 250, _of("start", "step")),
             Claim("left tip at step 500, mm", "half of 17", 0.88 * 10.5, 1.12 * 10.5, _furthest(500, "left", -1.0)),
-            Claim("split, step", "before 699", 500, 699, _step("split")),
+            Claim("split, step", "before 699", 500, 699, _of("split", "step")),
         ),
         (300, 500, 699),
     ),
@@ -193,10 +185,12 @@ CASES = (
         "Plate with a V-notch",
         "v_notch.geo",
         (
-            Claim("start of the crack, step", "480", 0.88 * 480, 1.12 * 480, _step("start")),
+            Claim("start of the crack, step", "480", 0.88 * 480, 1.12 * 480, _of("start", "step")),
             Claim("tip at step 699, mm", "half of 40", 0.88 * 20, 1.12 * 20, _furthest(699, "down", -1.0)),
-            Claim("branching, step", "about 970", 0.88 * 970, 1.12 * 970, _step("branching")),
-            Claim("place of branching, mm above the lower edge", "a quarter of 40", 8, 12, _place("branching", -1.0)),
+            Claim("branching, step", "about 970", 0.88 * 970, 1.12 * 970, _of("branching", "step")),
+            Claim(
+                "place of branching, mm above the lower edge", "a quarter of 40", 8, 12, _of("branching", "along", -1e3)
+            ),
         ),
         (480, 699, 970),
         (("Run/Duration", "32.5e-6"),),  # its arms are too short to be told from a rough edge before

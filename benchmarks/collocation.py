@@ -140,11 +140,6 @@ def _looked(system: object, state: object, h: float) -> tuple[float, float]:
     return float(((kinetic + strain[near]) * operator.area[near]).sum()), float(cracked.max(initial=0.1) - 0.1)
 
 
-def passed(run: Run) -> float:
-    """When the crack is LEVEL above the middle, s."""
-    return float(np.interp(LEVEL, run.top, run.time)) if run.top[-1] > LEVEL else np.nan
-
-
 def energies(run: Run, uniform: Run) -> tuple[float, float]:
     """The largest difference of the energy around the tip until the crack has left that circle, relative to that of the
     uniform run then; and after the first 15 us, as there is next to nothing before."""
@@ -167,7 +162,8 @@ def block(runs: list[Run], coarse: Run) -> str:
         off = 1e3 * mean_distance(run.path, uniform.path)
         cells = [run.deck.name, f"{run.cpu:.0f}", f"{uniform.cpu / run.cpu:.2f}"]
         cells += [f"{100 * run.begins:.1f}, {100 * run.fine:.1f}", f"{turned:.1f}", f"{off:.2f}"]
-        cells += [f"{1e6 * passed(run):.1f}", f"{100 * first:.1f}, {100 * later:.1f}"]
+        passed = float(np.interp(LEVEL, run.top, run.time)) if run.top[-1] > LEVEL else np.nan  # above the middle
+        cells += [f"{1e6 * passed:.1f}", f"{100 * first:.1f}, {100 * later:.1f}"]
         rows.append([*cells, f"{100 * run.balance:+.2f}", f"{run.stretch:.2f}"])
     return (
         f"{markdown_table(header, rows)}\nCracked nodes within 20 mm of the edge opposite to the struck one:"

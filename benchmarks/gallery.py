@@ -144,14 +144,12 @@ def title(scene: Path) -> str:
     return words[0].upper() + words[1:]
 
 
-def anchor(scene: Path) -> str:
-    """The address of a scene's heading on the page."""
-    return re.sub(r"[^\w -]", "", title(scene).lower()).replace(" ", "-")
-
-
 def front(scenes: list[Path]) -> str:
     """A table of pictures, each of which leads to its scene."""
-    pictures = {scene.stem: f"[![{caption(scene)}](gallery/{scene.stem}.png)](#{anchor(scene)})" for scene in scenes}
+    pictures = {}
+    for scene in scenes:
+        anchor = re.sub(r"[^\w -]", "", title(scene).lower()).replace(" ", "-")  # the address of its heading
+        pictures[scene.stem] = f"[![{caption(scene)}](gallery/{scene.stem}.png)](#{anchor})"
     shown = [pictures[name] for name in FRONT]
     rows = [shown[at : at + ACROSS] for at in range(0, len(shown), ACROSS)]
     return markdown_table(rows[0], rows[1:])
