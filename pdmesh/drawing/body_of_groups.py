@@ -43,6 +43,7 @@ from pdmesh.scene.solids import NodeSet, Sheet, Shell
 
 EXACT = 1e-3  # relative: a volume of Gmsh this near to that of curved triangles is right
 ROUND_OFF = 1e-9  # relative, of volumes
+SPACING = f"{PREFIX}Zones/body/Spacing"
 KINDS_OF_PLATES = ("absorb", "pin")
 KINDS = {  # as in a plate, of shapes with a dimension more; points stay points
     kind: (tuple(sorted((number and number + 1 for number in dimensions), key=bool, reverse=True)), folder)

@@ -36,7 +36,7 @@ from pdmesh.drawing.parameters import PREFIX, given, unit_of
 from pdmesh.drawing.plate_of_groups import KINDS, Group, scene_of
 from pdmesh.drawing.point_cells import with_cells
 from pdmesh.drawing.point_cloud import body_of_points
-from pdmesh.drawing.solid_meshes import body_of_mesh
+from pdmesh.drawing.solid_meshes import SLIT, body_of_mesh
 from pdmesh.grid.lattice import grid_of_nodes, settings_of
 from pdmesh.model.document import Settings
 from pdmesh.model.node_grid import Grid
@@ -47,7 +47,6 @@ from pdmesh.scene.shapes import SceneError, errors_at, parts
 OVERLAP = 1e-6  # of the area
 FLAT = 1e-9  # of the size of a mesh: z that still counts as one
 FARTHEST = 1e60  # coordinate: its fourth power is a finite number
-SLIT = "crack:double nodes"  # the group that slits are put in
 
 
 @dataclass(frozen=True)

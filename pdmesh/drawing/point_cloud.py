@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.drawing.body_of_groups import KINDS, body_of
+from pdmesh.drawing.body_of_groups import KINDS, SPACING, body_of
 from pdmesh.drawing.mesh_arrays import Mesh, group_names, unused
 from pdmesh.drawing.parameters import PREFIX, unit_of
 from pdmesh.model.neighbours import tree_of
@@ -16,7 +16,6 @@ from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import NodeCloud
 
-SPACING = f"{PREFIX}Zones/body/Spacing"
 AROUND = 27  # nodes whose mean volume is that of the cubes around one of them
 WIDEST = 1.5  # spacings: radius of a sphere that may be between four nodes of a body
 FEWEST = 8  # nodes of a body in space

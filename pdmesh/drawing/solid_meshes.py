@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.drawing.body_of_groups import KINDS, body_of
+from pdmesh.drawing.body_of_groups import KINDS, SPACING, body_of
 from pdmesh.drawing.mesh_arrays import FEW, SIDES, Block, Mesh, Rows, group_names, joined, unused
 from pdmesh.drawing.parameters import PREFIX, unit_of
 from pdmesh.grid.cubic import THINNEST
@@ -17,9 +17,8 @@ from pdmesh.model.neighbours import connected
 from pdmesh.scene.body import Body
 from pdmesh.scene.shapes import SceneError
 
-SPACING = f"{PREFIX}Zones/body/Spacing"
 ROUND_OFF = 1e-9  # of a number of nodes
-SLIT = "crack:double nodes"  # begins the names of the groups that slits are put in
+SLIT = "crack:double nodes"  # the group that slits are put in; in space it begins the names of several
 
 
 class _Faces(NamedTuple):

@@ -18,13 +18,12 @@ import shapely
 from numpy.typing import NDArray
 from shapely import LineString
 
+from pdmesh.grid.lattice import CLEARANCE, COMFORT
 from pdmesh.model.document import MOST_LEVELS
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.slits import Crack, Slit
 
-CLEARANCE = 1e-3  # of a spacing: a crack nearer to a node than this meets it
-COMFORT = 0.1  # of a spacing: a crack this far from nodes is far enough
 SHARES = (0.0, 0.5, -0.5, 0.25, -0.25, 0.125, -0.125, 0.375, -0.375)  # of a spacing: how far one may be moved
 WAYS = tuple(sorted(itertools.product(SHARES, repeat=2), key=lambda way: (np.count_nonzero(way), -abs(sum(way)))))
 ON = 1e-6  # of a spacing: an end this near to the plate's edge lies on it

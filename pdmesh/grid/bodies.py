@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from pdmesh.grid.bodies_beside import joined
 from pdmesh.grid.cubic import Cubic, Scattered, place_nodes
+from pdmesh.grid.lattice import CLEARANCE
 from pdmesh.model.document import (
     ON_ONE_LATTICE,
     AnyCondition,
@@ -44,7 +45,6 @@ S = TypeVar("S", bound=Selection)
 
 MANY = 100_000  # nodes of a box, whose file holds a lattice in place of them
 SLACK = 1e-6  # of a spacing: what still counts as on a side
-CLEARANCE = 1e-3  # of a spacing: a crack nearer to a node than this meets it
 FAR = 2.0  # spacings: a point farther from all nodes is beside the body
 MOVED = 1 / 32  # of a spacing: how far from all nodes a crack is that was moved
 

@@ -35,7 +35,7 @@ from pdmesh.scene.shapes import SceneError, near
 
 FRACTIONS = 2**20  # of the finest spacing: what nodes are rounded to, so that a lattice stays one in floating point
 CLEARANCE = 1e-3  # of a spacing: a crack nearer to a node than this meets it
-COMFORT = 0.1  # of a spacing: a shift that keeps cracks this far is taken at once
+COMFORT = 0.1  # of a spacing: cracks this far from nodes are far enough
 HALVES = ((0.0, 0.5), (0.5, 0.0), (0.5, 0.5))
 EIGHTHS = tuple((x, y) for x, y in itertools.product((0.0, 0.125, -0.125, 0.25, -0.25, 0.375, -0.375, 0.5), repeat=2))
 GAP = 0.75  # of a spacing: finer nodes nearer to a row of coarser ones are dropped

@@ -191,7 +191,12 @@ def _of_zones(case: Case) -> Iterator[Impossible]:
     if run.adapt == "collocation" and ratio < FEWEST and not run.collocation.damped:
         value = f"false with {ratio:g} spacings in the horizon"
         yield Impossible("$.run.collocation.damped", value, f"true, or at least {FEWEST:g} spacings: {LOSSY}")
-    least, most = _horizons_of_zones(case)
+    least, most = 1.0, 64.0
+    if run.adapt == "collocation":
+        least, most = 3.0, 32.0
+    elif run.adapt == "hybrid" and case.dimension == 2:
+        # half of a family has a bit of 64 for each bond; one whose cells count in part is half a spacing wider
+        most = 5.5 if any(has_partial_cells(material) for _, material in case.materials) else 6.0
     if not least <= ratio <= most:
         yield Impossible("$.horizon.ratio", f"{ratio:g}", f"{least:g} to {most:g}{why}")
     if run.adapt == "split" and not run.split.merge < run.split.threshold:
@@ -202,16 +207,6 @@ def _of_zones(case: Case) -> Iterator[Impossible]:
         for place, material in case.materials:
             if material.micromodulus != first:
                 yield Impossible(f"{place}.micromodulus", f"'{material.micromodulus}'", f"{first}, as elsewhere{why}")
-
-
-def _horizons_of_zones(case: Case) -> tuple[float, float]:
-    """The least and the largest horizon that an adaptivity can have, in spacings."""
-    if case.settings.run.adapt == "collocation":
-        return 3.0, 32.0
-    if case.settings.run.adapt != "hybrid" or case.dimension == 3:
-        return 1.0, 64.0
-    # half of a family has a bit of 64 for each bond, and families whose cells count in part are half a spacing wider
-    return 1.0, 5.5 if any(has_partial_cells(material) for _, material in case.materials) else 6.0
 
 
 def _of_particles(rules: ParticleRules) -> Iterator[Impossible]:

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from pdsolve.results.errors import WriteError
+from pdsolve.results.errors import MOST_SAID, WriteError
 from pdsolve.results.opening import for_writing, read_only, recover
 from pdsolve.study.description import Case, Study, StudyError
 from pdsolve.study.measure_columns import OWN, UNITS, Measure
@@ -32,7 +32,6 @@ WHOLE = ("study", "column_unit")  # small tables
 FILE = re.compile(r"[^/\\\0]+\.runs/\d{4,}\.sqlite")  # of a run: in a folder beside the table, nowhere else
 APPLICATION_ID = 0x70647374  # "pdst"
 WAITING, FINISHED, FAILED = "waiting", "finished", "failed"
-MOST_SAID = 200  # letters of what SQLite says
 
 
 class DamagedTableError(ValueError):
