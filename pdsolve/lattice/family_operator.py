@@ -106,7 +106,7 @@ class FamilyLattice(BondList):
         self._share_tiles(sum_first_pass, self._u, self._own, self._m, self._likes, self._by_lanes)
         between = self.layout.collect(self._m)
         if not self._by_lanes:
-            self._share(loops.finish_pass_rows, between)
+            self._share(loops.finish_pass_rows, now, between)
             self.layout.place(between, self._m)
         self._placed_numbers, self._has_forces = between, False
         return between

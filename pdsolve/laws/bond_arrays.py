@@ -99,7 +99,7 @@ class Now(NamedTuple):
     value: NDArray[Any]  # (n, w)
     rate: NDArray[Any]  # (n, w) per s; within a step the mean since the last one
     step: int
-    dt: float  # s since the last step, 0 at rest
+    dt: float  # s since the history of nodes, 0 in quasi-static analysis and for energies and fields
 
 
 class Bond(NamedTuple):

@@ -92,17 +92,17 @@ def first_pass(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
                 m[i, d * a + b] += law.weight[k] * bond.eta[a] * bond.xi[b]
 
 
-def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
+def finish_pass(law, now, i, m):  # type: ignore[no-untyped-def]
     d = law.d
     gradient.multiply_by_inverse(law, i, m, m, d * d)
-    gradient.piola_stress(law, i, m, d * d)
+    gradient.piola_stress(law, now, i, m, d * d)
 
 
 def intermediate_pass(law, bond, now, i, j, k, m, more):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0 or law.inverse[i, 0] == 0:
         return
     d, share = len(bond.xi), _share(law, i, j)
-    P = _stress(law, bond, m, i, j)
+    P = _stress(law, bond, now, m, i, j)
     for a in range(d):
         along = bond.length * 0 * bond.q
         for b in range(d):
@@ -111,7 +111,7 @@ def intermediate_pass(law, bond, now, i, j, k, m, more):  # type: ignore[no-unty
             more[i, d * a + b] += law.weight[k] * share * (P[3 * a + b] - along * bond.xi[b])
 
 
-def finish_intermediate_pass(law, i, m, more):  # type: ignore[no-untyped-def]
+def finish_intermediate_pass(law, now, i, m, more):  # type: ignore[no-untyped-def]
     gradient.multiply_by_inverse(law, i, more, m, 0)
 
 
@@ -154,10 +154,10 @@ def _gradient(law, bond, m, i, j):  # type: ignore[no-untyped-def]
 
 
 @njit(**INLINE)
-def _stress(law, bond, m, i, j):  # type: ignore[no-untyped-def]
+def _stress(law, bond, now, m, i, j):  # type: ignore[no-untyped-def]
     """P_i / w_i + P_j / w_j, nine components."""
     h = _gradient(law, bond, m, i, j)
-    p, q = respond(law.solid, i, h, h[0] * 0).P, respond(law.solid, j, h, h[0] * 0).P
+    p, q = respond(law.solid, now.dt, i, h, h[0] * 0).P, respond(law.solid, now.dt, j, h, h[0] * 0).P
     a = 1 / law.total[i] if law.inverse[i, 0] != 0 or law.inverse[j, 0] != 0 else law.total[i] * 0
     b = 1 / law.total[j] if a != 0 else a
     return (
@@ -184,19 +184,19 @@ def _component(law, bond, P, m, i, j, k, a):  # type: ignore[no-untyped-def]
 
 def accumulate_bond_force(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]
     if law.broken[k] == 0:
-        P = _stress(law, bond, m, i, j)
+        P = _stress(law, bond, now, m, i, j)
         for a in range(len(bond.xi)):
             f[a] += _component(law, bond, P, m, i, j, k, a)
 
 
-def may_fail(law, i, m):  # type: ignore[no-untyped-def]
+def may_fail(law, now, i, m):  # type: ignore[no-untyped-def]
     return gradient.may_fail_at(law, i, m, 2 * law.d * law.d)
 
 
 def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.failure != ENERGY or law.broken[k] != 0 or bond.stretch <= 0:
         return gradient.fails_by_stretch_or_stress(law, bond, m, i, j, k, 2 * law.d * law.d)
-    P, along = _stress(law, bond, m, i, j), bond.stretch * 0
+    P, along = _stress(law, bond, now, m, i, j), bond.stretch * 0
     for a in range(len(bond.xi)):
         along += _component(law, bond, P, m, i, j, k, a) * (bond.xi[a] + bond.eta[a])
     return along * bond.stretch / bond.q > 2 * law.weight[k] * law.limit[k]
@@ -205,7 +205,7 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
     if law.broken[k] != 0 or (law.inverse[i, 0] == 0 and law.inverse[j, 0] == 0):
         return 0.0, 0.0
-    node_energy = energies(law.solid, i, _gradient(law, bond, m, i, j), m[i, 0] * 0)[0]
+    node_energy = energies(law.solid, now.dt, i, _gradient(law, bond, m, i, j), m[i, 0] * 0)[0]
     return law.weight[k] / law.total[i] * node_energy, 0.0
 
 

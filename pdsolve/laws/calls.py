@@ -61,9 +61,9 @@ def margin(
     return failure_measure, limit
 
 
-def finish_pass(law: Any, i: int, m: NDArray[Any]) -> None:
+def finish_pass(law: Any, now: Now, i: int, m: NDArray[Any]) -> None:
     """Convert the sums m[i] to the numbers of the second pass."""
-    _bound[type(law)]["finish_pass"](law, i, m)
+    _bound[type(law)]["finish_pass"](law, now, i, m)
 
 
 def update_bond(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int, f: NDArray[Any]) -> float:
@@ -92,14 +92,14 @@ def intermediate_pass(
     _bound[type(law)]["intermediate_pass"](law, bond, now, i, j, k, m, more)
 
 
-def finish_intermediate_pass(law: Any, i: int, m: NDArray[Any], more: NDArray[Any]) -> None:
+def finish_intermediate_pass(law: Any, now: Now, i: int, m: NDArray[Any], more: NDArray[Any]) -> None:
     """Convert m[i] and more[i] to the numbers of the last pass, in m[i]."""
-    _bound[type(law)]["finish_intermediate_pass"](law, i, m, more)
+    _bound[type(law)]["finish_intermediate_pass"](law, now, i, m, more)
 
 
-def may_fail(law: Any, i: int, m: NDArray[Any]) -> bool:
+def may_fail(law: Any, now: Now, i: int, m: NDArray[Any]) -> bool:
     """Whether a bond of node i may fail."""
-    return bool(_bound[type(law)]["may_fail"](law, i, m))
+    return bool(_bound[type(law)]["may_fail"](law, now, i, m))
 
 
 def fails(law: Any, bond: Bond, now: Now, m: NDArray[Any], i: int, j: int, k: int) -> bool:
@@ -117,9 +117,9 @@ def update_history(law: Any, bonds: AnyList, now: Now, i: int, m: NDArray[Any]) 
     _bound[type(law)]["update_history"](law, bonds, now, i, m)
 
 
-def nodal_energy(law: Any, i: int, m: NDArray[Any]) -> tuple[float, float]:
+def nodal_energy(law: Any, now: Now, i: int, m: NDArray[Any]) -> tuple[float, float]:
     """Energy densities of node i itself, J/m^3: stored, and dissipated so far."""
-    strain_energy, dissipated = _bound[type(law)]["nodal_energy"](law, i, m)
+    strain_energy, dissipated = _bound[type(law)]["nodal_energy"](law, now, i, m)
     return strain_energy, dissipated
 
 
@@ -219,15 +219,15 @@ def broken_energy(law, c, stretch, before, peak, limit):  # type: ignore[no-unty
 
 _DEFAULTS: dict[str, Function] = {  # of what a law does not have
     "first_pass": lambda law, bond, now, i, j, k, m: None,
-    "finish_pass": lambda law, i, m: None,
+    "finish_pass": lambda law, now, i, m: None,
     "update_bond": lambda law, bond, now, m, i, j, k, f: 0.0,
     "intermediate_pass": lambda law, bond, now, i, j, k, m, more: None,
-    "finish_intermediate_pass": lambda law, i, m, more: None,
-    "may_fail": lambda law, i, m: False,
+    "finish_intermediate_pass": lambda law, now, i, m, more: None,
+    "may_fail": lambda law, now, i, m: False,
     "fails": lambda law, bond, now, m, i, j, k: False,
     "failure_stretch": lambda law, bond, now, m, i, j, k: -1.0,
     "update_history": lambda law, bonds, now, i, m: None,
-    "nodal_energy": lambda law, i, m: (0.0, 0.0),
+    "nodal_energy": lambda law, now, i, m: (0.0, 0.0),
 }
 
 GROWTH = 1e-9  # of the stretch in a step: less may be round-off

@@ -70,8 +70,8 @@ def accumulate(law, bond, c, sums):  # type: ignore[no-untyped-def]
     return with_dyad(sums, c[0], bond.eta, bond.xi)
 
 
-def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
-    P, d = piola_stress_from_sums(law, i, m, law.d * law.d), law.d
+def finish_pass(law, now, i, m):  # type: ignore[no-untyped-def]
+    P, d = piola_stress_from_sums(law, now, i, m, law.d * law.d), law.d
     for a in range(d):
         for b in range(d):
             total = -law.control[i] * m[i, d * (d + a) + b]
@@ -109,7 +109,7 @@ def bond_force(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[n
     return mapped(c[0], summed(node_numbers, neighbour_numbers), bond.xi, c[1], bond.eta)
 
 
-def may_fail(law, i, m):  # type: ignore[no-untyped-def]
+def may_fail(law, now, i, m):  # type: ignore[no-untyped-def]
     return may_fail_at(law, i, m, 2 * law.d * law.d)
 
 
@@ -118,11 +118,11 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 
 
 def update_history(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
-    update_history_at(law, i, m, law.d * law.d, m[i, 0] * 0)
+    update_history_at(law, now, i, m, law.d * law.d, m[i, 0] * 0)
 
 
-def nodal_energy(law, i, m):  # type: ignore[no-untyped-def]
-    return nodal_energy_at(law, i, m, law.d * law.d, m[i, 0] * 0)
+def nodal_energy(law, now, i, m):  # type: ignore[no-untyped-def]
+    return nodal_energy_at(law, now, i, m, law.d * law.d, m[i, 0] * 0)
 
 
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]

@@ -64,7 +64,7 @@ def _bring(law, bond, c, sums):  # type: ignore[no-untyped-def]
     return sums[1], fused(c[0], bond.far_end[0], sums[0])
 
 
-def _join(law, i, m):  # type: ignore[no-untyped-def]
+def _join(law, now, i, m):  # type: ignore[no-untyped-def]
     m[i, 0] += m[i, 1]
 
 

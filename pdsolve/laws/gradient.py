@@ -210,14 +210,14 @@ def multiply_by_inverse(law, i, sums, products, at):  # type: ignore[no-untyped-
 
 
 @njit(**INLINE)
-def piola_stress_from_sums(law, i, m, at):  # type: ignore[no-untyped-def]
+def piola_stress_from_sums(law, now, i, m, at):  # type: ignore[no-untyped-def]
     """Compute the gradient of node i from its sums; stores it in m[i] from `at` on, then stress and J; returns P."""
     multiply_by_inverse(law, i, m, m, at)
-    return piola_stress(law, i, m, at)
+    return piola_stress(law, now, i, m, at)
 
 
 @njit(**INLINE)
-def piola_stress(law, i, m, at):  # type: ignore[no-untyped-def]
+def piola_stress(law, now, i, m, at):  # type: ignore[no-untyped-def]
     """P, nine components, of the gradient in m[i] from `at` on; stores stress and J behind it."""
     d, share = law.d, law.share[i]
     last, none = at + d * d, m[i, at] * 0
@@ -226,7 +226,7 @@ def piola_stress(law, i, m, at):  # type: ignore[no-untyped-def]
             m[i, last + a] = none
         m[i, last + (4 if d == 2 else 6)] = none + 1
         return (none, none, none, none, none, none, none, none, none)
-    response = respond(law.solid, i, lifted(m, i, at, d), none)
+    response = respond(law.solid, now.dt, i, lifted(m, i, at, d), none)
     for a in range(4 if d == 2 else 6):
         m[i, last + a] = share * response.sigma[a]
     F, P = response.F, response.P
@@ -316,18 +316,18 @@ def fails_at(law, bond, m, i, j, k, at):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def update_history_at(law, i, m, at, deviation_square):  # type: ignore[no-untyped-def]
+def update_history_at(law, now, i, m, at, deviation_square):  # type: ignore[no-untyped-def]
     """Update the history of node i by the gradient in m[i] from `at` on; a node without stress has none."""
     if law.share[i] != 0:
-        update_history_of(law.solid, i, lifted(m, i, at, law.d), deviation_square)
+        update_history_of(law.solid, now.dt, i, lifted(m, i, at, law.d), deviation_square)
 
 
 @njit(**INNER)
-def nodal_energy_at(law, i, m, at, deviation_square):  # type: ignore[no-untyped-def]
+def nodal_energy_at(law, now, i, m, at, deviation_square):  # type: ignore[no-untyped-def]
     """Energy densities, J/m^3, that node i stores and has dissipated, with the gradient in m[i] from `at` on."""
     if law.share[i] == 0:
         return m[i, 0] * 0, m[i, 0] * 0 + dissipated(law.solid, i)
-    strain_energy, spent = energies(law.solid, i, lifted(m, i, at, law.d), deviation_square)
+    strain_energy, spent = energies(law.solid, now.dt, i, lifted(m, i, at, law.d), deviation_square)
     return law.share[i] * strain_energy, spent
 
 

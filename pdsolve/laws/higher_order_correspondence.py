@@ -203,7 +203,7 @@ def first_pass(law, bond, now, i, j, k, m):  # type: ignore[no-untyped-def]
                 m[i, d * (p + r) + a] += w * bond.eta[a]
 
 
-def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
+def finish_pass(law, now, i, m):  # type: ignore[no-untyped-def]
     d, p = law.d, law.q.shape[1]
     at = 2 * d * p
     for a in range(d):
@@ -212,7 +212,7 @@ def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
             for r in range(p):
                 total += m[i, d * (p + r) + a] * law.t[i, r, b]
             m[i, at + d * a + b] = total
-    P = gradient.piola_stress(law, i, m, at)
+    P = gradient.piola_stress(law, now, i, m, at)
     z = law.control[i]
     for r in range(p):
         for a in range(d):
@@ -241,7 +241,7 @@ def accumulate_bond_force(law, bond, now, m, i, j, k, f):  # type: ignore[no-unt
             f[a] += _component(law, bond, m, i, j, k, a)
 
 
-def may_fail(law, i, m):  # type: ignore[no-untyped-def]
+def may_fail(law, now, i, m):  # type: ignore[no-untyped-def]
     return gradient.may_fail_at(law, i, m, _stresses(law))
 
 
@@ -261,11 +261,11 @@ def _stresses(law):  # type: ignore[no-untyped-def]
 
 
 def update_history(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
-    gradient.update_history_at(law, i, m, _stresses(law) - law.d * law.d, m[i, 0] * 0)
+    gradient.update_history_at(law, now, i, m, _stresses(law) - law.d * law.d, m[i, 0] * 0)
 
 
-def nodal_energy(law, i, m):  # type: ignore[no-untyped-def]
-    strain_energy, spent = gradient.nodal_energy_at(law, i, m, _stresses(law) - law.d * law.d, m[i, 0] * 0)
+def nodal_energy(law, now, i, m):  # type: ignore[no-untyped-def]
+    strain_energy, spent = gradient.nodal_energy_at(law, now, i, m, _stresses(law) - law.d * law.d, m[i, 0] * 0)
     if law.itself[i] > 0:
         for a in range(law.d):
             missed = _missed(law, m, i, law.own[i], law.itself[i], strain_energy * 0, a)

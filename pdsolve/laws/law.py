@@ -17,7 +17,10 @@ Symbols, for the bond k from node i to node j:
     xi      x_j - x_i, reference vector, m              eta      u_j - u_i, m
     q       |xi + eta| / |xi|                           stretch  q - 1, free of cancellation for small displacements
     m       (n, width) what nodes have between the passes
-    now     the state as loops know it (`pdsolve.laws.bond_arrays.Now`)
+    now     the state as loops know it (`pdsolve.laws.bond_arrays.Now`); `now.dt`, s, is the time since the history of
+            nodes: the time step within a step; 0 in quasi-static analysis, where no time passes, and in energies and
+            fields after a step, whose time is that of the history. A law that depends on the rate takes 0 as no time:
+            its stiffness is the instantaneous one
     law     the columns (`Law.columns_type`): arrays of all bonds (b,) and nodes (n,)
 
 The stretches at which a bond changes are such that a crack costs its fracture energy: a pair law has a function
@@ -104,7 +107,7 @@ class Passes:
 
     accumulate_bond_force: Function  # (law, bond, now, m, i, j, k, f) adds the force density on node i to f (w,)
     first_pass: Function | None = None  # (law, bond, now, i, j, k, m) adds to m[i] what bond k says of node i's family
-    finish_pass: Function | None = None  # (law, i, m) turns m[i] into what `accumulate_bond_force` wants
+    finish_pass: Function | None = None  # (law, now, i, m) turns m[i] into what `accumulate_bond_force` wants
 
 
 @dataclass(frozen=True)
@@ -114,7 +117,7 @@ class Sums:
     numbers: Function  # (law, i, j, k) what the columns have of bond k
     initial_sums: Function  # (law, xi, none) what a node's sums begin with; `none` is the 0 they are made of
     accumulate: Function  # (law, bond, c, sums) those sums plus the contribution of a bond with the numbers c
-    finish_pass: Function  # (law, i, m) turns the sums in m[i] into what `nodal_numbers` reads
+    finish_pass: Function  # (law, now, i, m) turns the sums in m[i] into what `nodal_numbers` reads
     nodal_numbers: Function  # (law, xi, m, i) what the bonds of node i, from both their ends, need of it
     bond_force: Function  # (law, bond, c, node_numbers, neighbour_numbers): N/m^3
     # on a bond's node, from the nodal numbers of both ends
@@ -125,14 +128,14 @@ class IntermediatePass:
     """An intermediate pass, which uses the results of the first pass at both ends."""
 
     intermediate_pass: Function  # (law, bond, now, i, j, k, m, more) adds to more[i]
-    finish_intermediate_pass: Function  # (law, i, m, more) puts into m[i] what the last pass wants
+    finish_intermediate_pass: Function  # (law, now, i, m, more) puts into m[i] what the last pass wants
 
 
 @dataclass(frozen=True)
 class Failure:
     """Failure of bonds, for laws with a first pass: all bonds that fail in a step do so before any pulls."""
 
-    may_fail: Function  # (law, i, m) whether a bond of node i may fail; none fails of which neither end may
+    may_fail: Function  # (law, now, i, m) whether a bond of node i may fail; none fails of which neither end may
     fails: Function  # (law, bond, now, m, i, j, k) whether bond k does; the same from both its ends
     failure_stretch: Function | None = None  # likewise: the stretch at which a bond that fails would have failed,
     # were all stretches of now scaled alike: it then pulls in the step in which it breaks; None: it is gone at once
@@ -144,7 +147,7 @@ class NodeHistory:
 
     columns: tuple[str, ...]  # that `update_history` changes; those without an entry are not there
     update_history: Function  # (law, bonds, now, i, m), of the bonds as loops have them
-    nodal_energy: Function  # (law, i, m) what node i itself adds to its energies, J/m^3: stored, and dissipated
+    nodal_energy: Function  # (law, now, i, m) what node i itself adds to its energies, J/m^3: stored, and dissipated
 
 
 @dataclass(frozen=True)

@@ -115,7 +115,7 @@ def _beam(law, bond, now, i, j):  # type: ignore[no-untyped-def]
     return x, y, e, w, rotation_j - rotation_i
 
 
-def may_fail(law, i, m):  # type: ignore[no-untyped-def]
+def may_fail(law, now, i, m):  # type: ignore[no-untyped-def]
     return law.breaks
 
 

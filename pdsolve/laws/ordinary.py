@@ -188,7 +188,7 @@ def accumulate(law, bond, c, sums):  # type: ignore[no-untyped-def]
     return sums[0] + c[2] * e, sums[1] + moment * e, sums[2] + moment * bond.length
 
 
-def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
+def finish_pass(law, now, i, m):  # type: ignore[no-untyped-def]
     m[i, 1] = pressure(law.bulk[i], law.d, m[i, 0], m[i, 1], m[i, 2])
 
 
@@ -246,7 +246,7 @@ def both(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[no-unty
     return t_i + t_j
 
 
-def may_fail(law, i, m):  # type: ignore[no-untyped-def]
+def may_fail(law, now, i, m):  # type: ignore[no-untyped-def]
     return law.failure != NEVER
 
 

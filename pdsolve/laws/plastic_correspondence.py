@@ -137,7 +137,7 @@ def accumulate(law, bond, c, sums):  # type: ignore[no-untyped-def]
     return with_moments(sums, c[0], bond.eta, bond.xi, c[1])
 
 
-def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
+def finish_pass(law, now, i, m):  # type: ignore[no-untyped-def]
     d = law.d
     g = d * d
     back, Z = lifted(law.inverse, i, 0, d), lifted(law.control, i, 0, d)
@@ -150,7 +150,7 @@ def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
     deviation_square = 2 * law.solid.shear[i] * contracted(symmetric(Z), symmetric(E))
     if deviation_square.real < 0:  # round-off of sums that cancel
         deviation_square *= 0
-    P = _put_response(law, i, m, 3 * g, h, deviation_square)
+    P = _put_response(law, now, i, m, 3 * g, h, deviation_square)
     c = m[i, _behind(law)]
     if _turns(law, i):
         N = product(Z, difference(M, D))
@@ -205,9 +205,9 @@ def _scaled(c, A):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _put_response(law, i, m, at, h, deviation_square):  # type: ignore[no-untyped-def]
+def _put_response(law, now, i, m, at, h, deviation_square):  # type: ignore[no-untyped-def]
     """Respond to the gradient h; stores it in m[i] from `at` on, then stress, J, c and `deviation_square`."""
-    d, response, share = law.d, respond(law.solid, i, h, deviation_square), law.share[i]
+    d, response, share = law.d, respond(law.solid, now.dt, i, h, deviation_square), law.share[i]
     for a in range(d):
         for b in range(d):
             m[i, at + d * a + b] = h[3 * a + b]
@@ -240,7 +240,7 @@ def bond_force(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[n
     return summed(f, summed(mapped(-w, node_numbers[2], p, w * 0, p), mapped(w, neighbour_numbers[2], q, w * 0, q)))
 
 
-def may_fail(law, i, m):  # type: ignore[no-untyped-def]
+def may_fail(law, now, i, m):  # type: ignore[no-untyped-def]
     return gradient.may_fail_at(law, i, m, 4 * law.d * law.d)
 
 
@@ -269,11 +269,11 @@ def update_history(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
                         z -= h[3 * b + c] * bond.xi[c]
                     y += back[3 * a + b] * z
                 law.slip[a, k] += (1 - m[i, at]) * y
-    update_history_at(law, i, m, 3 * d * d, m[i, at + 1])
+    update_history_at(law, now, i, m, 3 * d * d, m[i, at + 1])
 
 
-def nodal_energy(law, i, m):  # type: ignore[no-untyped-def]
-    return nodal_energy_at(law, i, m, 3 * law.d * law.d, m[i, _behind(law) + 1])
+def nodal_energy(law, now, i, m):  # type: ignore[no-untyped-def]
+    return nodal_energy_at(law, now, i, m, 3 * law.d * law.d, m[i, _behind(law) + 1])
 
 
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]

@@ -87,10 +87,10 @@ def accumulate(law, bond, c, sums):  # type: ignore[no-untyped-def]
     return with_dyad(A, c[0], bond.eta, bond.xi) + B
 
 
-def finish_pass(law, i, m):  # type: ignore[no-untyped-def]
+def finish_pass(law, now, i, m):  # type: ignore[no-untyped-def]
     d = law.d
     g = d * d
-    P, Z = piola_stress_from_sums(law, i, m, 2 * g), _control(law, i, m)
+    P, Z = piola_stress_from_sums(law, now, i, m, 2 * g), _control(law, i, m)
     if law.solid.rate or law.solid.kind[i] == SVK or law.solid.kind[i] == NEO_HOOKE:
         P, Z = _turned(law, i, m, P, Z)
     for a in range(d):
@@ -204,7 +204,7 @@ def bond_force(law, bond, c, node_numbers, neighbour_numbers):  # type: ignore[n
     return mapped_both(c[0], summed(A, B), bond.xi, summed(Z, Y), bond.eta)
 
 
-def may_fail(law, i, m):  # type: ignore[no-untyped-def]
+def may_fail(law, now, i, m):  # type: ignore[no-untyped-def]
     return gradient.may_fail_at(law, i, m, 3 * law.d * law.d)
 
 
@@ -213,11 +213,11 @@ def fails(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]
 
 
 def update_history(law, bonds, now, i, m):  # type: ignore[no-untyped-def]
-    update_history_at(law, i, m, 2 * law.d * law.d, m[i, 0] * 0)
+    update_history_at(law, now, i, m, 2 * law.d * law.d, m[i, 0] * 0)
 
 
-def nodal_energy(law, i, m):  # type: ignore[no-untyped-def]
-    return nodal_energy_at(law, i, m, 2 * law.d * law.d, m[i, 0] * 0)
+def nodal_energy(law, now, i, m):  # type: ignore[no-untyped-def]
+    return nodal_energy_at(law, now, i, m, 2 * law.d * law.d, m[i, 0] * 0)
 
 
 def energy(law, bond, now, m, i, j, k):  # type: ignore[no-untyped-def]

@@ -173,7 +173,7 @@ class BondList:
     def _near(self, now: Now, between: NDArray[Any]) -> NDArray[np.bool_]:
         """Mask (n,) of nodes whose bonds must be checked."""
         near = np.zeros(self._nodes, dtype=np.bool_)
-        self._share(loops.may_fail_rows, between, near)
+        self._share(loops.may_fail_rows, now, between, near)
         return near
 
     def _fail(
@@ -355,7 +355,7 @@ class BondList:
         if law.again is not None:
             more = np.empty((self._nodes, dimension * dimension), dtype=now.value.dtype)
             self._share(loops.intermediate_pass_rows, now, between, more)
-            self._share(loops.finish_intermediate_pass_rows, between, more)
+            self._share(loops.finish_intermediate_pass_rows, now, between, more)
         return between
 
     def _accumulate_bond_forces(self, now: Now, between: NDArray[Any], out: NDArray[Any]) -> None:

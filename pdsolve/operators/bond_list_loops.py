@@ -74,7 +74,7 @@ def first_pass_rows(bonds, law, now, m, rows, first, last):  # type: ignore[no-u
         for k in range(bonds.start[i], bonds.start[i + 1]):
             j = bonds.neighbour[k]
             first_pass(law, deformed(bonds, now.value, i, j, k), now, i, j, k, m)
-        finish_pass(law, i, m)
+        finish_pass(law, now, i, m)
 
 
 @cached_njit(**KERNEL)
@@ -93,14 +93,14 @@ def first_pass_rows_of_sums(bonds, law, now, m, rows, first, last):  # type: ign
                 sums = accumulate(law, bond_at(bonds, value, i, j, k), numbers(law, i, j, k), sums)
         for a in range(len(sums)):
             m[row, a] = sums[a]
-        finish_pass(law, row, m)
+        finish_pass(law, now, row, m)
 
 
 @cached_njit(**KERNEL)
-def finish_pass_rows(bonds, law, m, first, last):  # type: ignore[no-untyped-def]
+def finish_pass_rows(bonds, law, now, m, first, last):  # type: ignore[no-untyped-def]
     """Finish rows whose sums are in m."""
     for i in range(first, last):
-        finish_pass(law, i, m)
+        finish_pass(law, now, i, m)
 
 
 @cached_njit(**KERNEL)
@@ -132,10 +132,10 @@ def intermediate_pass_rows(bonds, law, now, m, more, first, last):  # type: igno
 
 
 @cached_njit(**KERNEL)
-def finish_intermediate_pass_rows(bonds, law, m, more, first, last):  # type: ignore[no-untyped-def]
+def finish_intermediate_pass_rows(bonds, law, now, m, more, first, last):  # type: ignore[no-untyped-def]
     """Finish the rows for the last pass."""
     for i in range(first, last):
-        finish_intermediate_pass(law, i, m, more)
+        finish_intermediate_pass(law, now, i, m, more)
 
 
 @cached_njit(**KERNEL)
@@ -174,7 +174,7 @@ def energy_rows(bonds, law, now, m, strain_energy, dissipated, rows, first, last
     """Compute stored and dissipated energy of some rows of nodes and their bonds."""
     for at in range(first, last):
         i = rows[at]
-        strain_energy[i], dissipated[i] = nodal_energy(law, i, m)
+        strain_energy[i], dissipated[i] = nodal_energy(law, now, i, m)
         for k in range(bonds.start[i], bonds.start[i + 1]):
             j = bonds.neighbour[k]
             bond_energy = energy(law, deformed(bonds, now.value, i, j, k), now, m, i, j, k)
@@ -183,10 +183,10 @@ def energy_rows(bonds, law, now, m, strain_energy, dissipated, rows, first, last
 
 
 @cached_njit(**KERNEL)
-def may_fail_rows(bonds, law, m, near, first, last):  # type: ignore[no-untyped-def]
+def may_fail_rows(bonds, law, now, m, near, first, last):  # type: ignore[no-untyped-def]
     """Mark in `near` the nodes with a bond that may fail."""
     for i in range(first, last):
-        if may_fail(law, i, m):
+        if may_fail(law, now, i, m):
             near[i] = True
             for k in range(bonds.start[i], bonds.start[i + 1]):
                 near[bonds.neighbour[k]] = True

@@ -44,7 +44,8 @@ class Forces(Protocol):
     def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w) at a state, N/m^3, to `out`; bonds over their limit break in this `step`.
 
-        `dt` is the time since the last step, s, 0 at rest. Dissipated energy is booked in the state.
+        `dt` is the time since the last step, s. In quasi-static analysis it is 0: no time passes, and a law that
+        depends on the rate has its instantaneous stiffness. Dissipated energy is booked in the state.
         """
 
 

@@ -35,12 +35,12 @@ def node(
 
 @njit
 def _respond(solid: Any, h: Any) -> Any:
-    return solids.respond(solid, 0, h, 0.0)
+    return solids.respond(solid, 0.0, 0, h, 0.0)
 
 
 @njit
 def _keep(solid: Any, h: Any) -> None:
-    solids.update_history_of(solid, 0, h, 0.0)
+    solids.update_history_of(solid, 0.0, 0, h, 0.0)
 
 
 def response(solid: SolidColumns, h: NDArray[np.float64]) -> Response:

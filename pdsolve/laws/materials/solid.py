@@ -88,11 +88,14 @@ def solid_of(model: Model, kind: Any, dimension: int) -> SolidColumns:
 
 
 @njit(**INLINE)
-def respond(solid, i, h, deviation_square):  # type: ignore[no-untyped-def]
-    """Response of node i to the gradient h, nine components; `deviation_square`, Pa^2, is b of `j2`."""
+def respond(solid, dt, i, h, deviation_square):  # type: ignore[no-untyped-def]
+    """Response of node i to the gradient h, nine components, `dt` s after its history; 0 as in `pdsolve.laws.law`.
+
+    `deviation_square`, Pa^2, is b of `j2`.
+    """
     first, shear, kind = solid.first[i], solid.shear[i], solid.kind[i]
     if solid.rate:
-        return _rated(solid, i, grown(h), deviation_square)
+        return _rated(solid, dt, i, grown(h), deviation_square)
     if kind == NEO_HOOKE:
         E = neo_hooke.strain(h, first, shear, solid.plane_stress)
         return _finite(neo_hooke.stress(h, E, first, shear), h, E, solid.plane_stress)
@@ -125,11 +128,11 @@ def elastic(kind, h, first, shear, plane_stress):  # type: ignore[no-untyped-def
 
 
 @njit(**INNER)
-def energies(solid, i, h, deviation_square):  # type: ignore[no-untyped-def]
+def energies(solid, dt, i, h, deviation_square):  # type: ignore[no-untyped-def]
     """Energy densities of node i, J/m^3: stored, and dissipated by plastic flow so far."""
     first, shear, kind = solid.first[i], solid.shear[i], solid.kind[i]
     if solid.rate or kind == J2:
-        response = respond(solid, i, h, deviation_square)
+        response = respond(solid, dt, i, h, deviation_square)
         alpha = solid.history[i, ALPHA_RATE if solid.rate else ALPHA_TOTAL] + j2.ROOT * response.more
         spent = h[0] * 0
         if kind == J2:
@@ -157,9 +160,9 @@ def dissipated(solid, i):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def update_history_of(solid, i, h, deviation_square):  # type: ignore[no-untyped-def]
+def update_history_of(solid, dt, i, h, deviation_square):  # type: ignore[no-untyped-def]
     """Update the history of node i after the gradient h."""
-    response, past = respond(solid, i, h, deviation_square), solid.history[i]
+    response, past = respond(solid, dt, i, h, deviation_square), solid.history[i]
     if solid.rate:
         _put(past, 0, response.F)
         _put(past, 9, response.sigma)
@@ -223,7 +226,7 @@ def _finite(P, h, E, plane_stress):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _rated(solid, i, F, deviation_square):  # type: ignore[no-untyped-def]
+def _rated(solid, dt, i, F, deviation_square):  # type: ignore[no-untyped-def]
     """Response incremental from the history."""
     p, first, shear, unit = solid.history[i], solid.first[i], solid.shear[i], F[0] * 0 + 1
     flat = solid.plane_stress
