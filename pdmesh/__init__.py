@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pdmesh.model.document import Fatigue, Gap, GridError, LoadCell, Material, ParticleRules, Run, Static
     from pdmesh.model.medium import Medium
     from pdmesh.scene.body import Body
-    from pdmesh.scene.conditions import ramp
+    from pdmesh.scene.conditions import friedlander, ramp
     from pdmesh.scene.heat import Heat
     from pdmesh.scene.scene import Scene
     from pdmesh.scene.shapes import Circle, SceneError, UntrustedError
@@ -49,6 +49,7 @@ else:
             "build": "pdmesh.drawing.building",
             "build_file": "pdmesh.drawing.file_reading",
             "file_parameters": "pdmesh.drawing.file_reading",
+            "friedlander": "pdmesh.scene.conditions",
             "ramp": "pdmesh.scene.conditions",
             "read_outline": "pdmesh.drawing.geo",
             "read_scene": "pdmesh.drawing.file_reading",
@@ -78,6 +79,7 @@ __all__ = [
     "build",
     "build_file",
     "file_parameters",
+    "friedlander",
     "ramp",
     "read_outline",
     "read_scene",

@@ -25,7 +25,7 @@ from pdmesh.model.document import (
     Spring,
     Velocity,
 )
-from pdmesh.model.load_resultants import shares_of
+from pdmesh.model.load_resultants import pressure_forces, shares_of
 from pdmesh.model.material_constants import pressure_speed
 from pdmesh.model.neighbours import tree_of
 from pdmesh.model.rigid_bodies import first_velocities, rigid_velocities
@@ -236,7 +236,7 @@ def drive(
     for _, condition in driving_conditions(model):
         rows, number = model.selected(condition), len(profiles)
         rows = rows[(rows >= begin) & (rows < end)]
-        if isinstance(condition, Load) and condition.shares is not None and not loads_are_shared:
+        if isinstance(condition, Load) and condition.traction and condition.shares and not loads_are_shared:
             rows = rows[shares_of(condition, model.grid.ids[rows]) == 1.0]  # the first row alone, as a load without
             condition = msgspec.structs.replace(condition, shares=None)
         profiles.append(() if isinstance(condition, Spring | Pin) else condition.profile)
@@ -363,6 +363,9 @@ def _body_force(
         return model.vectors(load.body_force, rows)
     if load.force is not None:
         return np.tile(np.array(load.force) / total(areas[rows]), (len(rows), 1))
+    if load.pressure is not None:
+        part = model.grid.part(rows)
+        return pressure_forces(load, part.position, part.ids) / areas[rows][:, None]
     extent = load.length if model.grid.dimension == 2 else load.surface
     if exact_total and extent is not None:
         shares = shares_of(load, model.grid.ids[rows]) if load.shares is not None else np.ones(len(rows))

@@ -4,6 +4,7 @@
     Physical Volume("zone:NAME")               Zones/NAME/Spacing, Grown (1)
     Physical Surface("crack:NAME")             -
     Physical Surface or Volume("load:NAME")    Loads/NAME/Traction, Body force or (total) Force x, y, z; *
+    Physical Surface("load:NAME")              Loads/NAME/Pressure of a face, or Face "crack NAME"; *
     Physical Surface or Volume("fix:NAME")     Fixes/NAME/Components (xyz), Displacement x, y, z; *
     Physical Surface or Volume("move:NAME")    Moves/NAME/Velocity, Acceleration or Initial velocity x, y, z; *
     Physical Surface or Volume("spring:NAME")  Springs/NAME/Stiffness x, y, z of a face, or Body stiffness x, y, z
@@ -38,6 +39,7 @@ from pdmesh.model.triangulated_surface import gap, orientation, volume
 from pdmesh.quantities import Unit
 from pdmesh.scene.body import Body, SolidZone, Where
 from pdmesh.scene.faces import face
+from pdmesh.scene.pressed_edges import CRACK
 from pdmesh.scene.shapes import SceneError, checked_spacing
 from pdmesh.scene.solids import NodeSet, Sheet, Shell
 
@@ -182,5 +184,7 @@ class BodyShapes:
         return [tuple(self._unit.metres(np.array(curve[0], dtype=float)).tolist()) for curve in group["curves"]]
 
     def part_of_boundary(self, words: str, place: str) -> Where:
-        """The face that words pick. Raises SceneError."""
+        """The face that words pick; of a pre-crack the words, which a pressure knows. Raises SceneError."""
+        if words.startswith(CRACK):
+            return words
         return face(self.shell(self._gmsh_output["whole"]), words, place, self._unit)

@@ -1,7 +1,7 @@
 """What groups and parameters of a drawing add to a scene, a plate or a body: conditions, regions, other bodies.
 
 group                parameters below Peridynamics/
-"load:NAME"          Loads/NAME/Traction x, y, z, or Body force x, y, z, or Force x, y, z; *
+"load:NAME"          Loads/NAME/Traction x, y, z, or Body force x, y, z, or Force x, y, z, or Pressure; *
 "fix:NAME"           Fixes/NAME/Components (all), Displacement x, y, z; *
 "move:NAME"          Moves/NAME/Velocity x, y, z, or Acceleration, or Initial velocity, or Initial displacement; *
 "spring:NAME"        Springs/NAME/Stiffness x, y, z, or Body stiffness x, y, z; * but Profile
@@ -151,10 +151,12 @@ def acted_on(scene: S, places: Places, parameters: Parameters) -> S:
     """The scene with its loads, supports and motions. Raises SceneError."""
     for name, where, folder in places["load"]:
         load_components = _filled(_given(parameters, folder, LOADS, scene.AXES))
+        pressure = parameters.of_place(f"{folder}/Pressure")
+        load_components |= {} if pressure is None else {"pressure": pressure}
         if not load_components:
             raise SceneError(
                 f"parameter '{PREFIX}{folder}/Traction x' is missing; give a number (or Traction"
-                f" {' or '.join(scene.AXES[1:])}, or of Body force or Force)"
+                f" {' or '.join(scene.AXES[1:])}, or of Body force or Force, or Pressure)"
             )
         scene = scene.load(where, name=name, **load_components, **_shared(parameters, folder))
     for name, where, folder in places["fix"]:

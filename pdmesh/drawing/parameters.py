@@ -29,7 +29,7 @@ MOST = 1e9  # of any count
 ANY = "NAME"  # in the names below, the name of a group
 ZONE = ("Spacing", "Grown")
 SHARED = ("Rows", "Profile", "Breakable", "Box", "Edge", "Face")  # of every condition
-LOAD = ("Node", *(f"{kind} {axis}" for kind in ("Traction", "Body force", "Force") for axis in "xyz"))
+LOAD = ("Node", *(f"{kind} {axis}" for kind in ("Traction", "Body force", "Force") for axis in "xyz"), "Pressure")
 FIX = ("Node", "Components", *(f"Displacement {axis}" for axis in "xyz"))
 SPRING = tuple(f"{kind} {axis}" for kind in ("Stiffness", "Body stiffness") for axis in "xyz")
 MOTIONS = ("Velocity", "Acceleration", "Initial velocity", "Initial displacement")
@@ -104,7 +104,7 @@ QUANTITIES = {  # SI units of parameters by their last words, without an axis
     **dict.fromkeys(("Spacing", "Distance", "Width", "Radius", "Opening", "Displacement", "Initial displacement"), "m"),
     **dict.fromkeys(("Time step", "Duration"), "s"),
     **dict.fromkeys(("Velocity", "Initial velocity"), "m/s"),
-    "Traction": "Pa",
+    **dict.fromkeys(("Traction", "Pressure"), "Pa"),
     **{drawn: DECLARED[name].unit for name, drawn in MATERIAL.items()},
 }
 

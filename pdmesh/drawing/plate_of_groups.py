@@ -4,6 +4,7 @@
     Physical Surface("zone:NAME")             Zones/NAME/Spacing, Grown (1)
     Physical Curve("crack:NAME")              -
     Physical Curve or Surface("load:NAME")    Loads/NAME/Traction x, y, Body force x, y or (total) Force x, y; *
+    Physical Curve("load:NAME")               Loads/NAME/Pressure of an edge, or Edge "crack NAME"; *
     Physical Curve or Surface("fix:NAME")     Fixes/NAME/Components (xy), Displacement x, y; *
     Physical Point("fix:NAME" or "load:NAME") the same of the one node nearest to it, for loads Force x, y
     Physical Point("gap:NAME")                - (two points, between which the opening is monitored)
@@ -27,7 +28,7 @@
 Lengths - coordinates, Spacing, Distance, Displacement, Width, Box, Opening - are in the unit that Units names (m), all
 else in SI units. A drawing's own numbers go below Peridynamics/Plate/. A component left out is free (of a fix, those
 not in Components). ``Box``, "x0 y0 x1 y1", replaces a group. Profiles are "constant", "ramp SECONDS" or a table "TIME
-FACTOR, TIME FACTOR, ...".
+FACTOR, TIME FACTOR, ...", or "friedlander SECONDS DECAY".
 
 Where the groups and parameters of a plate's drawing place things: points, curves, surfaces, boxes and edges.
 """
@@ -49,6 +50,7 @@ from pdmesh.drawing.group_names import Physical, meaning
 from pdmesh.drawing.parameters import Parameters
 from pdmesh.quantities import Unit
 from pdmesh.scene.plate import Refinement, Zone
+from pdmesh.scene.pressed_edges import CRACK
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import Curve, SceneError, Surface, parts
 from pdmesh.scene.slits import Crack
@@ -115,9 +117,9 @@ class PlateShapes:
         """The first points of a group's curves, x and y."""
         return [tuple(np.asarray(curve)[0, :2].tolist()) for curve in group.curves]
 
-    def part_of_boundary(self, words: str, place: str) -> Curve:
-        """The edge that words pick. Raises SceneError."""
-        return self._scene.edge(words, place, self._unit)
+    def part_of_boundary(self, words: str, place: str) -> Curve | str:
+        """The edge that words pick; of a pre-crack the words, which a pressure knows. Raises SceneError."""
+        return words if words.startswith(CRACK) else self._scene.edge(words, place, self._unit)
 
 
 def lines_of(place: str, curves: Iterable[Any]) -> list[LineString]:

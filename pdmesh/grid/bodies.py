@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from pdmesh.grid.bodies_beside import joined
 from pdmesh.grid.cubic import Cubic, Scattered, place_nodes
 from pdmesh.grid.lattice import CLEARANCE
+from pdmesh.grid.pressed_sheets import faces_of_crack_sheet, faces_of_sheet
 from pdmesh.model.document import (
     ON_ONE_LATTICE,
     AnyCondition,
@@ -32,12 +33,14 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.mechanical_conditions import REST
 from pdmesh.model.node_grid import Grid, whole_lattice
+from pdmesh.model.pressed_faces import nodal_areas
 from pdmesh.model.triangulated_surface import distances, ways_to
 from pdmesh.scene.body import Body, CrackFace, SolidCondition, Where
 from pdmesh.scene.conditions import describe
 from pdmesh.scene.faces import SIDES, face
 from pdmesh.scene.functions_of_place import sampled
 from pdmesh.scene.heat import medium_of
+from pdmesh.scene.pressed_edges import CRACK, named_crack
 from pdmesh.scene.shapes import SceneError, errors_at
 from pdmesh.scene.solids import Sheet, Shell
 
@@ -141,6 +144,7 @@ def _alone(body: Body, lists: bool = False) -> tuple[Grid, Settings, tuple[str, 
     delta = np.concatenate([level.delta for level in levels])
     body_nodes = BodyNodes(levels, np.concatenate([level.position for level in levels]), delta)
     cleared = [_clear_of_nodes(crack, body_nodes) for crack in body.cracks]
+    body = replace(body, cracks=tuple(crack for crack, _ in cleared))
     settings = Settings(
         material=None if body.material is None else in_space(body.material),
         horizon=Horizon(ratio=float(body.horizon)),
@@ -261,8 +265,9 @@ def _nearest(triangles: NDArray[np.float64], body_nodes: BodyNodes) -> str:
 
 def _condition(condition: SolidCondition, body: Body, body_nodes: BodyNodes) -> AnyCondition:
     action, where, place = condition.action, condition.where, describe(condition.action)
+    of_crack = isinstance(where, str) and where.startswith(CRACK)
     if isinstance(where, str):
-        where = face(body.shell, where, place)
+        where = _named_face(where, body, place)
     at_place, surface = _found(where, condition, body, body_nodes)
     rows = np.flatnonzero(at_place)
     if not len(rows):
@@ -272,6 +277,8 @@ def _condition(condition: SolidCondition, body: Body, body_nodes: BodyNodes) -> 
     changed: dict[str, object] = {"nodes": tuple((rows + 1).tolist())}
     if isinstance(action, Load) and action.traction is not None:
         changed |= {"rows": condition.rows, "surface": surface}
+    if isinstance(action, Load) and action.pressure is not None:
+        changed |= _pressed(where, of_crack, action, body, body_nodes, rows)
     if isinstance(action, Spring) and action.stiffness is not None:
         changed |= {"rows": condition.rows, "surface": surface}
     if isinstance(action, Concentration | Exchange) and isinstance(where, str):
@@ -286,6 +293,32 @@ def _condition(condition: SolidCondition, body: Body, body_nodes: BodyNodes) -> 
     return sampled(msgspec.structs.replace(action, **changed), condition.functions, body_nodes.position[rows], place)
 
 
+def _named_face(words: str, body: Body, place: str) -> str | Sheet:
+    """The side, the part of a body's surface or the pre-crack that words mean. Raises SceneError."""
+    if words.startswith(CRACK):
+        return Sheet(np.concatenate([crack.sheet.triangles for crack in named_crack(words, body.cracks, place)]))
+    return face(body.shell, words, place)
+
+
+def _pressed(
+    where: Where, of_crack: bool, load: Load, body: Body, body_nodes: BodyNodes, rows: NDArray[np.int64]
+) -> dict[str, object]:
+    """What a pressure on a side, a sheet or both faces of a pre-crack has of its nodes, `rows` (k,).
+
+    Raises SceneError.
+    """
+    sheet = _flat_side(where, body) if isinstance(where, str) else where
+    assert isinstance(sheet, Sheet)
+    if not len(sheet.triangles):
+        raise SceneError(f"{describe(load)}: the body has no flat face there; use 'nearest X,Y,Z' or a sheet")
+    at_rows = body_nodes.position[rows], body_nodes.delta[rows]
+    faces = faces_of_crack_sheet(sheet) if of_crack else faces_of_sheet(sheet, *at_rows, describe(load))
+    volume = np.concatenate([level.volume for level in body_nodes.levels])[rows]
+    vectors = nodal_areas(faces, *at_rows, volume)
+    changed: dict[str, object] = {"area_vectors": tuple(map(tuple, vectors.tolist()))}
+    return changed | ({"faces": faces} if of_crack else {})
+
+
 def _found(
     where: Where, condition: SolidCondition, body: Body, body_nodes: BodyNodes
 ) -> tuple[NDArray[np.bool_], float | None]:
@@ -298,9 +331,8 @@ def _found(
         axis, end = SIDES[where]
         side = float(body.shell.bounds[(end + 1) // 2, axis])
         away = (side - body_nodes.position[:, axis]) * end
-        triangles = body.shell.triangles
-        flat = (np.abs(triangles[..., axis] - side) <= SLACK * body.finest).all(axis=1)
-        area = Sheet(triangles[flat]).area if flat.any() else None
+        flat = _flat_side(where, body)
+        area = flat.area if len(flat.triangles) else None
         return away < condition.rows * body_nodes.delta * (1 - SLACK), area
     what = "at a point" if isinstance(where, shapely.Point) else "in a solid"
     if isinstance(action, Load) and action.traction is not None:
@@ -313,6 +345,14 @@ def _found(
         return _at(where.coords[0], place, body_nodes), None
     assert isinstance(where, Shell)
     return body_nodes.within(where, place), None
+
+
+def _flat_side(side: str, body: Body) -> Sheet:
+    """The triangles of a body's surface that lie in the plane of a side of its box, of which there may be none."""
+    axis, end = SIDES[side]
+    triangles = body.shell.triangles
+    at = float(body.shell.bounds[(end + 1) // 2, axis])
+    return Sheet(triangles[(np.abs(triangles[..., axis] - at) <= SLACK * body.finest).all(axis=1)])
 
 
 def _at(point: Sequence[float], place: str, body_nodes: BodyNodes) -> NDArray[np.bool_]:

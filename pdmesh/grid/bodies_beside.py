@@ -42,7 +42,7 @@ def build_scene(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
         grids.append(grid_of_nodes(body_scene, nodes.position, nodes.delta, areas))
         shifts += nodes.shifts
     grid = joined(grids, (REST, *(body.name for body in scene.bodies)))
-    settings = settings_of(scene, grid.position, grid.delta, tuple(shifts))
+    settings = settings_of(scene, grid, tuple(shifts))
     # materials and motions of the bodies beside the plate
     regions: list[Region] = []
     moves: list[InitialVelocity | RigidBody] = []

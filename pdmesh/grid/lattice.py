@@ -93,7 +93,7 @@ def build_grid(scene: Scene) -> tuple[Grid, Settings, tuple[Shift, ...]]:
     nodes = place_nodes(scene)
     areas = cell_areas(nodes.position, scene.shape, nodes.delta, nodes.regular)
     grid = grid_of_nodes(scene, nodes.position, nodes.delta, areas)
-    return grid, settings_of(scene, nodes.position, nodes.delta, nodes.shifts), nodes.shifts
+    return grid, settings_of(scene, grid, nodes.shifts), nodes.shifts
 
 
 def place_nodes(scene: Scene, start: tuple[float, float] = (0.0, 0.0)) -> PlacedNodes:
@@ -198,18 +198,14 @@ def edges(
     return near(position, scene.shape.boundary, within), hole_id
 
 
-def settings_of(
-    scene: Scene, position: NDArray[np.float64], delta: NDArray[np.float64], shifts: tuple[Shift, ...] = ()
-) -> Settings:
-    """Settings of a scene for nodes (n, 2) with spacings (n,), m, on lattices with `shifts`; ids count from 1.
-
-    Raises SceneError.
-    """
+def settings_of(scene: Scene, grid: Grid, shifts: tuple[Shift, ...] = ()) -> Settings:
+    """Settings of a scene for the nodes of a grid on lattices with `shifts`; ids count from 1. Raises SceneError."""
+    position, delta = grid.position, grid.delta
     return Settings(
         material=scene.material,
         horizon=Horizon(ratio=float(scene.horizon)),
         regions=tuple(region.on(position, delta, shifts) for region in scene.regions),
-        conditions=tuple(condition.on(position, delta, shifts) for condition in scene.conditions),
+        conditions=tuple(condition.on(position, delta, shifts, grid.cells) for condition in scene.conditions),
         physics=scene.physics,
         medium=medium_of(scene.medium, scene.material),
         media=tuple(region.on(position, delta, shifts) for region in scene.media),

@@ -12,7 +12,7 @@ from pdmesh.model.document import Document, Load
 from pdmesh.model.node_arrays import selected
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.suggestions import called
-from pdmesh.model.values_at_places import vectors_at
+from pdmesh.model.values_at_places import values_at, vectors_at
 
 
 class Resultant(NamedTuple):
@@ -44,6 +44,8 @@ def nodal_forces(load: Load, grid: Grid, rows: NDArray[np.int64]) -> NDArray[np.
         return np.asarray(size[:, None] * vectors_at(load.body_force, grid.position[rows]))
     if load.force is not None:
         return np.asarray((size / size.sum())[:, None] * np.array(load.force))
+    if load.pressure is not None:
+        return pressure_forces(load, grid.position[rows], grid.ids[rows])
     extent = load.length or load.surface
     if load.shares is not None:
         size = size * shares_of(load, grid.ids[rows])
@@ -56,6 +58,19 @@ def shares_of(load: Load, ids: NDArray[np.int64]) -> NDArray[np.float64]:
     """Shares (k,) of a load's nodes with these ids (k,); 1 of a load without shares."""
     if load.shares is None or load.nodes is None:
         return np.ones(len(ids))
+    return np.array(load.shares)[_places_in_list(load, ids)]
+
+
+def pressure_forces(load: Load, position: NDArray[np.float64], ids: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Force of a pressure where faces have not moved: (k, d), N in space, N/m in a plate, on nodes of the load at
+    `position` (k, d) with these `ids` (k,)."""
+    assert load.pressure is not None
+    areas = np.array(load.area_vectors)[_places_in_list(load, ids)]
+    return np.asarray(-values_at(load.pressure, position)[:, None] * areas)
+
+
+def _places_in_list(load: Load, ids: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Where these ids (k,) are in the list of a load's nodes."""
     nodes = np.array(load.nodes, dtype=np.int64)
     order = np.argsort(nodes, kind="stable")
-    return np.array(load.shares)[order[np.searchsorted(nodes, ids, sorter=order)]]
+    return order[np.searchsorted(nodes, ids, sorter=order)]

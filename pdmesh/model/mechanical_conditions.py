@@ -15,6 +15,7 @@ from pdmesh.model.values_of_place import Value, Vector
 
 Spin = float | tuple[float, float, float]  # rad/s, anticlockwise; of a body in space about x, y, z
 Restitution = Annotated[float, msgspec.Meta(ge=0.1, le=1)]  # the stable step falls with it
+Face = Annotated[tuple[float, ...], msgspec.Meta(min_length=4, max_length=9)]  # corners, m
 REST = "plate"  # the body of the nodes that no other has
 Resistance = Annotated[tuple[Annotated[float, msgspec.Meta(ge=0)], ...], msgspec.Meta(min_length=2, max_length=3)]
 
@@ -71,11 +72,15 @@ class Condition(Timed, frozen=True, kw_only=True):
 
 
 class Load(Condition, frozen=True, kw_only=True, tag="load", tag_field="kind"):
-    """A body force: ``body_force`` (N/m^3), ``traction`` (Pa) over ``rows`` rows of nodes, or a total ``force``.
+    """A body force: ``body_force`` (N/m^3), ``traction`` or ``pressure`` (Pa) over ``rows`` rows, or a total ``force``.
 
     A traction gives traction / (rows delta) at each node; ``length`` (m) of the loaded edge, if known, lets a solver
     make the total exact. With ``shares``, rows farther from an edge have less of a traction, as families there lack
     less. A force (N/m of a plate, N of a body in space) is shared by its nodes by area or volume.
+
+    A pressure pushes against faces, along their normals. Each node has an area vector of them in ``area_vectors``, m or
+    m^2, which points out of the material. That of a pre-crack has its ``faces`` too: segments (x0, y0, x1, y1) with the
+    material on their left, or triangles that turn anticlockwise as seen from outside, m.
     """
 
     body_force: Vector | None = None
@@ -85,6 +90,9 @@ class Load(Condition, frozen=True, kw_only=True, tag="load", tag_field="kind"):
     length: Positive | None = None
     surface: Positive | None = None  # m^2, of a loaded face in space, likewise
     shares: tuple[Share, ...] | None = None  # of each of `nodes`, of what a node on a loaded edge has of its traction
+    pressure: Value | None = None
+    area_vectors: tuple[NumbersAlongAxes, ...] | None = None  # of each of `nodes`
+    faces: tuple[Face, ...] | None = None
 
 
 class Grip(Condition, frozen=True, kw_only=True):

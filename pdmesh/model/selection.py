@@ -31,7 +31,7 @@ from pdmesh.model.values_at_places import values_at
 from pdmesh.model.values_of_place import PlaceError, Value, named, varying, wrong_value
 
 WHOLES = {2: "a plate", 3: "a body in space"}
-LOADS = ("body_force", "traction", "force")
+LOADS = ("body_force", "traction", "force", "pressure")
 PRESCRIBED = (Displacement, Velocity, Acceleration)
 
 
@@ -43,9 +43,10 @@ def components(
 
 
 def given_of(load: Load) -> dict[str, Sequence[Value]]:
-    """What is given of a load's body_force (N/m^3), traction (Pa) and force (N/m or N), by name."""
+    """What is given of a load's body_force (N/m^3), traction (Pa), force (N/m or N) and pressure (Pa), by name."""
     candidates = ((name, getattr(load, name)) for name in LOADS)
-    return {name: vector for name, vector in candidates if vector is not None}
+    given = {name: vector for name, vector in candidates if vector is not None}
+    return given if load.pressure is None else given | {"pressure": (load.pressure,)}
 
 
 def last_selecting(selections: Sequence[Selection], grid: Grid) -> NDArray[np.int64]:
@@ -120,10 +121,13 @@ def _check_condition(condition: AnyCondition, place: str) -> None:
         load_names = " and ".join(given_of(condition)) or "none"
         raise GridError(f"{place}: {load_names} given; give one of {', '.join(LOADS)}")
     shares, nodes = getattr(condition, "shares", None), condition.nodes or ()
-    if isinstance(condition, Load) and shares is not None and (not condition.traction or len(shares) != len(nodes)):
+    spread = isinstance(condition, Load) and (condition.traction or condition.pressure is not None)
+    if isinstance(condition, Load) and shares is not None and (not spread or len(shares) != len(nodes)):
         raise GridError(
             f"{place}.shares has {len(shares)} values; give one for each of {len(nodes)} nodes with a traction, or none"
         )
+    if isinstance(condition, Load):
+        _check_pressure(condition, place)
     if isinstance(condition, (*PRESCRIBED, InitialDisplacement)) and set(components(condition)) == {None}:
         raise GridError(f"{place}: neither x nor y is given; give at least one of them")
     if isinstance(condition, Source) and (condition.rate is None) == (condition.flux is None):
@@ -138,11 +142,24 @@ def _check_condition(condition: AnyCondition, place: str) -> None:
             raise GridError(f"{place}.profile: times {times} do not increase; put them in order")
 
 
+def _check_pressure(load: Load, place: str) -> None:
+    """Raise GridError for a pressure without what it acts on, or for that of another load."""
+    vectors, nodes = load.area_vectors or (), load.nodes or ()
+    if load.pressure is not None and (not vectors or len(vectors) != len(nodes)):
+        raise GridError(f"{place}.area_vectors has {len(vectors)} vectors; give one for each of {len(nodes)} nodes")
+    if load.pressure is None and (load.area_vectors is not None or load.faces is not None):
+        raise GridError(f"{place}: area_vectors and faces are of a pressure; leave them out, or give one")
+
+
 def _check_components(condition: AnyCondition, dimension: int, place: str) -> None:
     """Raise GridError for components of a body in a plate, and for vectors of a plate in a body."""
     if isinstance(condition, Load):
         for key, vector in given_of(condition).items():
-            _check_length(vector, dimension, f"{place}.{key}")
+            _check_length(vector, 1 if key == "pressure" else dimension, f"{place}.{key}")
+        for vector in condition.area_vectors or ():
+            _check_length(vector, dimension, f"{place}.area_vectors")
+        for face in condition.faces or ():
+            _check_length(face, dimension**2, f"{place}.faces")
         extent = "surface" if dimension == 2 else "length"
         if getattr(condition, extent) is not None:
             raise GridError(f"{place}.{extent} cannot be used in {WHOLES[dimension]}; leave it out")

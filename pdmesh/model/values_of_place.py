@@ -59,7 +59,7 @@ class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaul
 Expression = Annotated[str, msgspec.Meta(min_length=1, max_length=LONGEST)]
 Value = float | Expression | Table  # a number, an expression of x, y and z in SI units, or a table
 Vector = Annotated[tuple[Value, ...], msgspec.Meta(min_length=2, max_length=3)]
-NAMES = ("x", "y", "z", "traction", "body_force", "value", "rate", "flux")  # of fields that hold such values
+NAMES = ("x", "y", "z", "traction", "pressure", "body_force", "value", "rate", "flux")  # of fields with such values
 
 
 class PlaceError(ValueError):

@@ -13,10 +13,10 @@ from matplotlib.path import Path
 from numpy.typing import NDArray
 
 from pdmesh.model.document import AnyCondition, Displacement, Load, Pin, Spring
-from pdmesh.model.load_resultants import nodal_forces
+from pdmesh.model.load_resultants import nodal_forces, pressure_forces
 from pdmesh.model.neighbours import tree_of
 from pdmesh.model.node_grid import Grid
-from pdmesh.model.values_at_places import vectors_at
+from pdmesh.model.values_at_places import values_at, vectors_at
 
 LENGTH = 0.08  # of the larger side of the plate: the longest arrow
 HEAD = 0.3  # of the longest arrow: the length of a head
@@ -52,9 +52,14 @@ def symbols(axes: Axes, condition: AnyCondition, grid: Grid, rows: NDArray[np.in
     if not isinstance(condition, Load):
         return
     # a value that is the same everywhere has arrows of one length, however large the cells are that it acts on
-    value = condition.traction or condition.body_force or condition.force
-    assert value is not None
-    pull = vectors_at(value, grid.position[sample_rows])
+    if condition.pressure is not None:
+        force = pressure_forces(condition, grid.position[sample_rows], grid.ids[sample_rows])
+        value_there = np.abs(values_at(condition.pressure, grid.position[sample_rows]))
+        pull = force * (value_there / np.maximum(np.hypot(*force.T), 1e-300))[:, None]
+    else:
+        value = condition.traction or condition.body_force or condition.force
+        assert value is not None
+        pull = vectors_at(value, grid.position[sample_rows])
     if not pull.any():
         return
     way = LENGTH * 1e3 * float(np.ptp(grid.position, axis=0).max()) * pull / np.hypot(*pull.T).max()

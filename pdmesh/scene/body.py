@@ -34,6 +34,7 @@ from pdmesh.scene.faces import SIDES, parsed
 from pdmesh.scene.functions_of_place import Function, ValueOfPlace, without_functions
 from pdmesh.scene.heat import Heat, Physics, physics_of
 from pdmesh.scene.mechanical_conditions import MechanicalConditions
+from pdmesh.scene.pressed_edges import CRACK, named_crack
 from pdmesh.scene.shapes import SceneError, checked_spacing
 from pdmesh.scene.solids import NodeCloud, Sheet, Shell, Solid, checked, name_of
 
@@ -310,8 +311,12 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
     ) -> Body:
         name = name or name_of(where)
         place = f"{kind.__struct_config__.tag} '{name}'"
-        if isinstance(where, str) and where not in SIDES:
+        if isinstance(where, str) and where.startswith(CRACK) and "pressure" in values:
+            named_crack(where, self.cracks, place)
+        elif isinstance(where, str) and where not in SIDES:
             parsed(where, place)
+        elif "pressure" in values and not isinstance(where, str | Sheet):
+            raise SceneError(f"{place}: a pressure acts on faces; use a side, a sheet or 'crack NAME'")
         rows = 1 if rows is None else rows
         more |= {"rows": rows} if kind in (Load, Spring) else {}
         plain, functions = without_functions(values)

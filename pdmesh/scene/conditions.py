@@ -18,10 +18,21 @@ import shapely
 from numpy.typing import NDArray
 
 from pdmesh.model.base_structs import PlainFields
-from pdmesh.model.document import AnyCondition, Concentration, Exchange, Load, MediumRegion, Point, Region, Spring
+from pdmesh.model.document import (
+    LARGEST,
+    AnyCondition,
+    Concentration,
+    Exchange,
+    Load,
+    MediumRegion,
+    Point,
+    Region,
+    Spring,
+)
 from pdmesh.model.lattice_calibration import has_partial_cells, hu_beta
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import micromodulus
+from pdmesh.model.pressed_faces import Faces, nodal_areas
 from pdmesh.scene.functions_of_place import Function, sampled
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Surface, near, polyline
 
@@ -30,6 +41,8 @@ ROUND_OFF = 1e-6  # of a spacing
 Pulls: TypeAlias = tuple[float, ...]  # of the columns of a family, 1, 2, ... spacings from its node
 MOST_SPACINGS = 32
 SLACK = 1e-6  # of a spacing: what still counts as lying on an edge
+DECAYS = 0.5, 20.0  # of a blast, which 100 points per duration follow within 1 %, and which ends
+FAINT = 1e-3  # of the peak: suction of a blast that is left out
 Profile = tuple[Point, ...]
 R = TypeVar("R", Region, MediumRegion)
 S = TypeVar("S")  # a scene
@@ -139,16 +152,25 @@ class PlacedCondition:
     action: AnyCondition
     functions: tuple[Function, ...] = ()  # of place, that give values of the condition
     pulls: Pulls = ()  # by which rows share a traction on an edge; none: all rows have as much
+    faces: Faces = ()  # that a pressure acts on
+    of_crack: bool = False  # whether these are the faces of a pre-crack
 
     def on_one_row(self) -> PlacedCondition:
         """The condition with one row in place of those that share a traction."""
         return replace(self, place=replace(self.place, rows=1), pulls=()) if self.pulls else self
 
     def on(
-        self, position: NDArray[np.float64], delta: NDArray[np.float64], shifts: Sequence[Shift] = ()
+        self,
+        position: NDArray[np.float64],
+        delta: NDArray[np.float64],
+        shifts: Sequence[Shift] = (),
+        areas: NDArray[np.float64] | None = None,
     ) -> AnyCondition:
-        """The condition with its nodes' ids, which count from 1. Raises SceneError if it finds no node, which says
-        where the nearest is and, by the lattices' `shifts`, what may have moved it."""
+        """The condition with its nodes' ids, which count from 1; `areas` (n,) of cells, m^2, are squares by default.
+
+        Raises SceneError if it finds no node, which says where the nearest is and, by the lattices' `shifts`, what may
+        have moved it.
+        """
         rows = np.flatnonzero(self.place.nodes(position, delta))
         parts = shares(self.pulls, shapely.distance(shapely.points(position[rows]), self.place.shape) / delta[rows])
         rows, parts = rows[parts > 0], parts[parts > 0]
@@ -163,6 +185,12 @@ class PlacedCondition:
         if isinstance(self.action, Load) and self.action.traction is not None:
             changes |= {"rows": self.place.rows, "length": float(self.place.shape.length)}
             changes |= {"rows": 1, "shares": tuple(parts.tolist())} if self.pulls else {}
+        if self.faces:
+            cells = (delta**2 if areas is None else areas)[rows] * parts
+            vectors = nodal_areas(self.faces, position[rows], delta[rows], cells)
+            changes |= {"area_vectors": tuple(map(tuple, vectors.tolist()))}
+            changes |= {"shares": tuple(parts.tolist())} if self.pulls else {}
+            changes |= {"faces": self.faces} if self.of_crack else {}
         if isinstance(self.action, Spring) and self.action.stiffness is not None:
             changes |= {"rows": self.place.rows, "length": float(self.place.shape.length)}
         if isinstance(self.action, Concentration | Exchange) and isinstance(self.place.shape, Curve):
@@ -235,8 +263,29 @@ def ramp(duration: float) -> Profile:
     return ((0.0, 0.0), (float(duration), 1.0))
 
 
+def friedlander(duration: float, decay: float = 1.0) -> Profile:
+    """The profile of a blast that arrives at time 0: (1 - t / T) exp(-b t / T), with T = `duration`, s, b = `decay`.
+
+    Its suction after T is included, up to where it is 1e-3 of the peak. Straight lines between 100 points per T follow
+    it within 1e-4 for a `decay` of 1. Raises SceneError.
+    """
+    if not (0 < duration <= LARGEST and DECAYS[0] <= decay <= DECAYS[1]):
+        raise SceneError(
+            f"friedlander: duration is {duration:g} s and decay {decay:g}; use more than 0 s, and {DECAYS[0]:g} to"
+            f" {DECAYS[1]:g}"
+        )
+    end = 1 + 1 / decay  # of its largest suction
+    while (end - 1) * np.exp(-decay * end) > FAINT:
+        end += 0.5
+    share = np.linspace(0.0, end, round(100 * end) + 1)
+    factor = (1 - share) * np.exp(-decay * share)
+    factor[-1] = 0.0
+    return tuple(zip((duration * share).tolist(), factor.tolist(), strict=True))
+
+
 def parse_profile(text: str, place: str) -> Profile:
-    """A profile from its words: ``constant``, ``ramp 1e-6`` (s), or a table ``0 0, 1e-6 1, 2e-6 0`` (s, factor).
+    """A profile from its words: ``constant``, ``ramp 1e-6`` (s), ``friedlander 1e-3 1.5`` (s, decay), or a table
+    ``0 0, 1e-6 1, 2e-6 0`` (s, factor).
 
     Raises SceneError, beginning with `place`.
     """
@@ -247,13 +296,17 @@ def parse_profile(text: str, place: str) -> Profile:
         if words[0] == "ramp":
             (duration,) = words[1:]
             return checked_profile(ramp(float(duration)), place)
+        if words[0] == "friedlander":
+            duration, decay = words[1:]
+            return checked_profile(friedlander(float(duration), float(decay)), place)
         pairs = [part.split() for part in text.split(",")]
         return checked_profile([(float(time), float(factor)) for time, factor in pairs], place)
     except ValueError as error:
         if isinstance(error, SceneError):
             raise
         raise SceneError(
-            f"{place}: cannot read '{text}'; use 'constant', 'ramp SECONDS' or a table 'TIME FACTOR, TIME FACTOR, ...'"
+            f"{place}: cannot read '{text}'; use 'constant', 'ramp SECONDS', 'friedlander SECONDS DECAY' or a table"
+            " 'TIME FACTOR, TIME FACTOR, ...'"
         ) from None
 
 

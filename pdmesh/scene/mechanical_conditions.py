@@ -67,10 +67,16 @@ class MechanicalConditions(Conditioned[W]):
         name: str = "",
         breakable: bool = False,
         force: Vector | None = None,
+        *,
+        pressure: ValueOfPlace | None = None,
     ) -> Self:
         """With a traction (Pa) on a curve, a sheet or a side; or a body force (N/m^3) or a total `force` (N, in a
-        plate per metre of thickness) there or in a shape or a solid."""
-        values = {"traction": traction, "body_force": body_force, "force": force}
+        plate per metre of thickness) there or in a shape or a solid.
+
+        A `pressure` (Pa) pushes against an edge or a face, or, `where` is "crack NAME", against both faces of that
+        pre-crack.
+        """
+        values = {"traction": traction, "body_force": body_force, "force": force, "pressure": pressure}
         return self._acting(Load, values, where, rows, name, profile=profile, breakable=breakable)
 
     def spring(
@@ -161,7 +167,7 @@ class MechanicalConditions(Conditioned[W]):
         place = f"{kind.__struct_config__.tag} '{name}'"
         of_numbers = actions.vector if kind is Spring else actions.vector_of_place
         vectors = {
-            key: of_numbers(vector, len(self.AXES), f"{place}: {key}")
+            key: vector if key == "pressure" else of_numbers(vector, len(self.AXES), f"{place}: {key}")
             for key, vector in values.items()
             if vector is not None
         }

@@ -19,7 +19,7 @@ from typing import Any, ClassVar, Literal, TypeAlias
 
 import msgspec
 import shapely
-from shapely import LineString
+from shapely import LineString, MultiLineString
 
 from pdmesh.model.document import (
     LARGEST,
@@ -33,6 +33,7 @@ from pdmesh.model.document import (
     Solid,
 )
 from pdmesh.model.mechanical_conditions import Grip
+from pdmesh.model.pressed_faces import Faces
 from pdmesh.scene import actions, checks
 from pdmesh.scene.conditions import (
     MaterialRegion,
@@ -49,6 +50,7 @@ from pdmesh.scene.diffusion_conditions import DiffusionConditions
 from pdmesh.scene.functions_of_place import ValueOfPlace, without_functions
 from pdmesh.scene.mechanical_conditions import MechanicalConditions
 from pdmesh.scene.plate import BodyBeside, Plate, Refinement, Zone
+from pdmesh.scene.pressed_edges import CRACK, faces_of_crack, faces_of_edge, named_crack
 from pdmesh.scene.shapes import Circle, Curve, Points, SceneError, Shape, Surface, coordinates, polyline, surface
 from pdmesh.scene.slits import Crack
 
@@ -231,15 +233,37 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
         name = name or name_of(where, str(kind.__struct_config__.tag))
         plain, functions = without_functions(values)
         pulls: Pulls
-        place, pulls = self._place(where, f"{kind.__struct_config__.tag} '{name}'"), ()
+        faces: Faces
+        at, faces, pulls = f"{kind.__struct_config__.tag} '{name}'", (), ()
+        if "pressure" in plain:
+            place, faces = self._pressed(where, at)
+        else:
+            place = self._place(where, at)
         if rows is None and issubclass(kind, Grip) and self._is_edge(place):
             more["corrected"] = True
-        if rows is None and plain.get("traction") is not None and self._is_edge(place):
+        if rows is None and ("traction" in plain or self._fills_edges(faces)) and self._is_edge(place):
             pulls = pulls_of(self.material or PLAIN, self.horizon)
         action = actions.action(kind, name, plain | more, len(self.AXES))
         rows = (len(pulls) or 1) if rows is None else rows
-        condition = PlacedCondition(Place(place, rows), action, functions, pulls)
+        of_crack = isinstance(where, str) and where.startswith(CRACK)
+        condition = PlacedCondition(Place(place, rows), action, functions, pulls, faces, of_crack)
         return replace(self, conditions=(*self.conditions, condition))
+
+    def _pressed(self, where: Where, place: str) -> tuple[Curve, Faces]:
+        """The edge or the pre-crack that a pressure acts on, and its faces. Raises SceneError."""
+        if isinstance(where, str) and where.startswith(CRACK):
+            lines = MultiLineString([slit.line for slit in named_crack(where, self.slits, place)])
+            return lines, faces_of_crack(lines)
+        curve = self._place(where, place)
+        if not isinstance(curve, Curve):
+            raise SceneError(
+                f"{place}: a pressure acts on edges, not on a shape or a point; use an edge or 'crack NAME'"
+            )
+        return curve, faces_of_edge(curve, self.everything, self.finest, place)
+
+    def _fills_edges(self, faces: Faces) -> bool:
+        """Whether a pressure on these faces is shared by rows, as bonds of the material know of it."""
+        return bool(faces) and (self.material or PLAIN).model == "bond"
 
     def _is_edge(self, place: Curve | Surface | shapely.Point) -> bool:
         """Whether a place is a curve along the edge of the plate or of a hole."""

@@ -158,7 +158,7 @@ def _estimate_largest_strain(model: Model) -> float:
     for condition in model.settings.conditions:
         most = max((abs(float(factor)) for _, factor in getattr(condition, "profile", ())), default=1.0)
         if isinstance(condition, Load):
-            across = {"traction": np.ones(2), "body_force": sides, "force": 1 / sides[::-1]}  # to stress
+            across = {"traction": 1.0, "pressure": 1.0, "body_force": sides, "force": 1 / sides[::-1]}  # to stress
             stress = [
                 _largest_absolute_components(model, condition, v[:2]) * across[name]
                 for name, v in given_of(condition).items()

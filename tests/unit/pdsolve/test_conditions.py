@@ -70,6 +70,16 @@ def test_a_held_velocity_follows_its_profile(kernel: str) -> None:
         assert problem.state.rate[left(problem), 0] == pytest.approx(2 * factor(last), rel=1e-12, abs=1e-12)
 
 
+def test_a_pressure_pushes_against_its_area_vectors() -> None:
+    """The force of each node is minus p times its vector, whatever the areas of cells are."""
+    vectors = ((1e-3, 0.0), (0.0, -2e-3), (3e-3, 1e-3))
+    model = plate(square_grid(10, 6), conditions=(Load(nodes=(7, 3, 5), pressure="1e9 * x", area_vectors=vectors),))
+    areas = np.linspace(1e-6, 2e-6, 60)
+    force = drive(model, areas, True, np.float64).force * areas[:, None]
+    assert force[[6, 2, 4]] == pytest.approx(-1e9 * np.array([[6e-3], [2e-3], [4e-3]]) * np.array(vectors))
+    assert not np.delete(force, [6, 2, 4], axis=0).any()
+
+
 def test_an_initial_velocity_is_not() -> None:
     problem = driven(InitialVelocity(box=LEFT, x=1.0))
     assert problem.state.rate[left(problem), 0].tolist() == [1.0] * 6

@@ -193,6 +193,25 @@ def test_a_group_of_no_known_kind_is_refused_with_the_nearest(name: str) -> None
         scene({}, Group(name, dimension))
 
 
+def test_a_pressure_on_a_group_an_edge_and_a_pre_crack() -> None:
+    """In SI units; a pre-crack is named by its group."""
+    slit = Group("crack:slit", 1, curves=([[0.004, 0.0052, 0], [0.012, 0.0052, 0]],))
+    values: dict[str, float | str] = {
+        "Loads/top/Pressure": "1e8 * x",
+        "Loads/side/Pressure": 2e6,
+        "Loads/side/Edge": "right",
+        "Loads/slit/Pressure": 3e6,
+        "Loads/slit/Edge": "crack slit",
+        "Loads/slit/Profile": "friedlander 1e-6 2",
+    }
+    base = {name: value for name, value in BASE.items() if "Traction" not in name}
+    named = {f"Peridynamics/{name}": value for name, value in (base | values).items()}
+    loads = build_grid(scene_of([PLATE, TOP, slit], named, "test.geo"))[1].conditions
+    assert [getattr(load, "pressure", None) for load in loads] == ["1e8 * x", 2e6, 3e6]
+    sums = [np.array(getattr(load, "area_vectors", ())).sum(axis=0) for load in loads]
+    assert sums == [pytest.approx(total, abs=1e-12) for total in ([0, 0.02], [0.01, 0], [0, 0])]
+
+
 @pytest.mark.parametrize(("unit", "metres"), [("m", 1.0), ("cm", 1e-2), ("mm", 1e-3), ("um", 1e-6), ("in", 0.0254)])
 def test_all_lengths_are_in_the_unit_of_the_drawing(unit: str, metres: float) -> None:
     def drawn(scale: float, unit: str) -> Scene:

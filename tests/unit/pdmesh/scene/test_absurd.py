@@ -11,7 +11,7 @@ import msgspec
 import pytest
 from plates import GLASS
 
-from pdmesh import Body, Box, Circle, Material, Run, Scene, SceneError, box, ramp
+from pdmesh import Body, Box, Circle, Material, Run, Scene, SceneError, box, friedlander, ramp
 from pdmesh.drawing.building import meshed
 from pdmesh.drawing.parameters import NAMES
 from pdmesh.drawing.plate_of_groups import Group, scene_of
@@ -55,6 +55,8 @@ SCENES: dict[str, Callable[[Any], Scene]] = {
     "hole's radius": lambda x: plate().hole(Circle(0.006, 0.004, x)),
     "notch": lambda x: plate().notch([(0.004, 0.008), (0.006, x), (0.008, 0.008)]),
     "crack": lambda x: plate().crack([(0, 0.0045), (x, 0.0045)]),
+    "pressure": lambda x: cracked().load("crack 1", pressure=x),
+    "decay of a blast": lambda x: plate().load("top", pressure=1e6, profile=friedlander(1e-3, x)),
     "crack's points": lambda x: plate().crack(x),
     "zone's spacing": lambda x: plate().zone(box(0, 0, 0.004, 0.004), x),
     "spacing of a round zone": lambda x: plate().zone(Circle(0.006, 0.004, 0.002), x),
