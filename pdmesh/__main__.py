@@ -20,6 +20,11 @@ if TYPE_CHECKING:
 
 DRAWING = "a drawing (.geo, STEP, BREP), a scene in Python, a mesh, or a grid file"
 
+NO_MATERIAL = (
+    "no material: pdsolve refuses this model; build it again with --force --set material.E=70GPa"
+    " --set material.rho=2700 --set material.G0=10, of your material, or give these to pdsolve"
+)
+
 
 def parser() -> argparse.ArgumentParser:
     """The command line of pdmesh."""
@@ -57,6 +62,17 @@ def parser() -> argparse.ArgumentParser:
     params = commands.add_parser("params", help="list the parameters of a drawing: value, unit, meaning")
     _add_drawing(params, "a file for the list, as JSON (default: none)")
     params.set_defaults(run=_params)
+    init = commands.add_parser(
+        "init", help="write a drawing of a part (STEP, BREP, STL) to fill in, and a picture of its faces or edges"
+    )
+    init.add_argument("drawing", type=Path, metavar="part", help="a part from a CAD program: STEP, BREP or STL")
+    commandline.add_common_options(init, "the drawing (default: the part's name with .geo, beside the part)")
+    init.add_argument(
+        "--unit",
+        choices=tuple(UNITS),
+        help="unit of lengths in the drawing (default: mm for STEP; BREP and STL files do not name their unit)",
+    )
+    init.set_defaults(run=_init)
     schema = commands.add_parser("schema", help="print the JSON Schema of the grid file")
     schema.add_argument("-o", "--output", type=Path, metavar="FILE", help="the file to write (default: stdout)")
     schema.add_argument("--force", action="store_true", help="overwrite the output if it exists")
@@ -165,7 +181,7 @@ def _build(args: argparse.Namespace) -> int:
     if args.dry_run:
         lines.append(f"{path} was not written (--dry-run); pdmesh info reports more")
     if settings.material is None and settings.medium is None:
-        lines.append("no material: the solver will need one (--settings or --set material.E=...)")
+        lines.append(NO_MATERIAL)
     said = (*unused_settings.remarks(settings), *zone_strengths.remarks(built.grid, settings))
     notes = [*built.notes, *(f"warning: {path}: {remark}" for remark in said)]
     result["notes"] = notes
@@ -278,6 +294,36 @@ def _params(args: argparse.Namespace) -> int:
     return _say(result, lines, args)
 
 
+def _init(args: argparse.Namespace) -> int:
+    from pdmesh.drawing.part import read_part, refuse_other_kinds
+    from pdmesh.drawing.part_model import MARK, drawing_text
+    from pdmesh.files import write_atomically
+    from pdmesh.reports import part_picture, preview
+
+    refuse_other_kinds(args.drawing)
+    beside = args.drawing.parent
+    path = commandline.output_path(args.output or args.drawing.with_suffix(".geo"), args.drawing, ".geo", args.force)
+    if path.suffix.lower() != ".geo" or path.parent.resolve() != beside.resolve():
+        raise commandline.UsageError(
+            f"{path}: a drawing reads its part from its own folder; name a .geo file in {beside}"
+        )
+    named_picture = path.with_name(f"{path.stem}_numbers.png")
+    picture = commandline.output_path(named_picture, args.drawing, ".png", args.force, is_companion=True)
+    part = read_part(args.drawing, args.unit)
+    text = drawing_text(part, picture.name)
+    preview.save(part_picture.draw(part), picture)
+    write_atomically(path, text.encode())
+    noun = "faces" if part.dimension == 3 else "edges"
+    marks = sum(MARK in line.partition("//")[0] for line in text.splitlines())
+    lines = [
+        f"{path}: {marks} values to fill in, marked {MARK}; then: pdmesh build {path}",
+        f"{picture}: the numbers of {len(part.shapes)} {noun}",
+    ]
+    result = {"output": str(path), "picture": str(picture), noun: len(part.shapes), "values_to_fill_in": marks}
+    commandline.report(result, lines, args)
+    return commandline.OK
+
+
 def _warn(result: dict[str, Any], args: argparse.Namespace) -> None:
     """Print the warnings of a result, which `pdmesh build` gives too."""
     for remark in result.get("warnings", ()):
@@ -322,7 +368,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     args = parser().parse_args(commandline.words(argv))
 
     def command() -> int:
-        if args.command not in ("schema", "doctor"):
+        if args.command == "init":
+            commandline.expect(args.drawing, FileKind.DRAWING)
+        elif args.command not in ("schema", "doctor"):
             studies = (FileKind.STUDY,) if args.command == "plan" else ()
             commandline.expect(args.drawing, FileKind.DRAWING, FileKind.MODEL, *studies)
             commandline.expect_other_outputs(args)

@@ -30,6 +30,11 @@ MESHES = (
     ".stl",
     ".txt",  # x, y, z, block and volume of points
 )
+OF_PROGRAMS = (  # suffixes of CAD programs, which can save STEP files too
+    *(".3dm", ".3mf", ".blend", ".catpart", ".dwg", ".dxf", ".f3d", ".fcstd", ".iam", ".iges", ".igs", ".ipt", ".obj"),
+    *(".par", ".prt", ".sat", ".skp", ".sldasm", ".sldprt", ".svg", ".x_b", ".x_t"),
+)
+SAVE_AS_STEP = "save the part as STEP in the program that drew it"
 DATABASE = b"SQLite format 3\0"
 
 

@@ -11,7 +11,7 @@ import msgspec
 from pdmesh.drawing.additions import ADAPT, SET, adapted, added, sorted_out, split_settings, with_settings
 from pdmesh.drawing.parameters import OF_SETTINGS, Parameter, full_name, unknown
 from pdmesh.drawing.scratch import scratch
-from pdmesh.file_kinds import CAD, MESHES
+from pdmesh.file_kinds import CAD, MESHES, OF_PROGRAMS, SAVE_AS_STEP
 from pdmesh.files import FilePath
 from pdmesh.grid import building
 from pdmesh.grid.building import Built, looked_at
@@ -132,7 +132,7 @@ def document_with_settings(path: Path, assignments: Sequence[tuple[str, str]]) -
 def file_parameters(
     path: FilePath, assignments: Sequence[tuple[str, str]] = (), trust: bool = False
 ) -> list[Parameter]:
-    """The parameters of a drawing, a script, a CAD file or a model. Raises SceneError or GridError."""
+    """The parameters of a drawing, a script, a CAD file, a mesh or a model. Raises SceneError or GridError."""
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix == ".json":
@@ -155,7 +155,11 @@ def file_parameters(
         from pdmesh.drawing.geo import cad_parameters
 
         return cad_parameters(path, assignments)
-    raise SceneError(f"{path}: suffix '{path.suffix}' is not known; use .geo, .py, .json or {', '.join(CAD)}")
+    if suffix in MESHES:
+        from pdmesh.drawing.meshes import mesh_parameters
+
+        return mesh_parameters(path, assignments, trust)
+    raise _unknown(path)
 
 
 def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Scene | Body:
@@ -181,5 +185,12 @@ def _read(path: Path, assignments: Sequence[tuple[str, str]], trust: bool) -> Sc
         if isinstance(plate_or_body, Body):
             return plate_or_body
         raise SceneError(f"{path} is a mesh of a plate, which has its nodes; use a drawing, or a mesh of solids")
+    raise _unknown(path)
+
+
+def _unknown(path: Path) -> SceneError:
+    """The error of a file whose suffix no reader has."""
+    if path.suffix.lower() in OF_PROGRAMS:
+        return SceneError(f"{path}: suffix '{path.suffix}' is not known; {SAVE_AS_STEP}")
     suffixes = f"{', '.join(CAD)}, or a mesh's: {', '.join(MESHES)}"
-    raise SceneError(f"{path}: suffix '{path.suffix}' is not known; use .geo, .py, .json, {suffixes}")
+    return SceneError(f"{path}: suffix '{path.suffix}' is not known; use .geo, .py, .json, {suffixes}")

@@ -20,11 +20,14 @@ from pdmesh.drawing.parameters import (
     Parameter,
     full_name,
     given,
+    needed,
     refuse_unknown,
     unit_of,
     unit_of_parameter,
     unknown,
 )
+from pdmesh.drawing.part import OPEN_CASCADE_UNITS
+from pdmesh.drawing.part_model import refuse_marks
 from pdmesh.drawing.plate_of_groups import Group, face, in_metres, scene_of
 from pdmesh.drawing.sandbox.child import read_copies, read_trusted
 from pdmesh.drawing.sandbox.copies import Copy, cad_copy, drawing_bytes, drawing_copies
@@ -37,7 +40,6 @@ from pdmesh.scene.shapes import CHORD_TOLERANCE, SceneError, Surface, errors_at
 
 TIME_LIMIT = 60.0  # s, for a drawing
 CAD_SECONDS, CAD_SECONDS_PER_BYTE = 60.0, 1e-5  # a broken file may never end
-OPEN_CASCADE_UNITS = {"in": "INCH"}  # that do not go by their own name in capitals
 
 
 def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> Scene | Body:
@@ -48,6 +50,7 @@ def read_geo(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: boo
     expected.
     """
     text = decoded(drawing_bytes(path))
+    refuse_marks(path, text)
     copies = {} if trust else drawing_copies(path)
     gmsh_output = _found(path, assignments, copies)
     values = {entry["name"]: _value(entry) for entry in gmsh_output["parameters"]}
@@ -75,6 +78,7 @@ def _scene(path: Path, gmsh_output: Mapping[str, Any], values: Mapping[str, floa
 
 def read_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
     """The parameters of the .geo file at `path`. Raises SceneError."""
+    refuse_marks(path, decoded(drawing_bytes(path)))
     gmsh_output = _found(path, assignments, {} if trust else drawing_copies(path))
     return [
         Parameter(entry["name"], _value(entry), entry.get("attributes", {}).get("Units", ""), entry.get("help", ""))
@@ -98,6 +102,12 @@ def read_cad(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> Scene |
     ]
     spacing, unit = next(iter(spacings), None), str(values.get(f"{PREFIX}Units") or "m")
     gmsh_output = _shapes(path, CHORD_TOLERANCE * spacing if isinstance(spacing, float) else 0.0, unit)
+    if not any(name.startswith(f"{PREFIX}Zones/") for name in values):
+        zone = "body" if "points" in gmsh_output else "plate"
+        raise SceneError(
+            f"{path}: parameter '{PREFIX}Zones/{zone}/Spacing' is missing; give it (--set Zones/{zone}/Spacing=...),"
+            f" or begin with pdmesh init {path}"
+        )
     return _scene(path, gmsh_output, values, path.read_text(encoding="utf-8", errors="replace"))
 
 
@@ -112,18 +122,7 @@ def cad_parameters(path: Path, assignments: Sequence[tuple[str, str]] = ()) -> l
     unit = str(values.get(f"{PREFIX}Units") or "m")
     gmsh_output = _shapes(path, 0.0, unit)
     zone = "body" if "points" in gmsh_output else "plate"
-    needed = {
-        f"Zones/{zone}/Spacing": (unit, f"between nodes of the {zone}"),
-        "Material/E": ("Pa", "Young's modulus"),
-        "Material/rho": ("kg/m^3", "density"),
-        "Material/G0": ("J/m^2", "critical energy release rate"),
-        "Units": ("", "of all lengths; a STEP file is converted to it"),
-    }
-    every = {PREFIX + name: about for name, about in needed.items()}
-    values.setdefault(f"{PREFIX}Units", unit)
-    return [
-        Parameter(name, values.get(name, ""), *every.get(name, ())) for name in [*every, *(set(values) - set(every))]
-    ]
+    return needed(values, f"Zones/{zone}/Spacing", unit)
 
 
 def read_outline(path: FilePath, spacing: float, unit: str = "m") -> Surface:

@@ -32,7 +32,7 @@ from pdmesh.drawing.mesh_arrays import (
     unused,
     with_plane,
 )
-from pdmesh.drawing.parameters import PREFIX, given, unit_of
+from pdmesh.drawing.parameters import PREFIX, Parameter, given, needed, unit_of
 from pdmesh.drawing.plate_of_groups import KINDS, Group, scene_of
 from pdmesh.drawing.point_cells import with_cells
 from pdmesh.drawing.point_cloud import body_of_points
@@ -96,12 +96,34 @@ def read_mesh(
         return _plate(mesh, values, path, cracks)
 
 
+def mesh_parameters(path: Path, assignments: Sequence[tuple[str, str]] = (), trust: bool = False) -> list[Parameter]:
+    """The parameters that the mesh at `path` needs, one for each of its groups, and those that are set.
+
+    Raises SceneError.
+    """
+    mesh = mesh_checks.read(path, trust)
+    with errors_at(path):
+        values = given(assignments)
+        unit_of(values)
+    top = 3 if mesh.of_dimension(3)[0] else 2
+    groups = {}
+    for dimension, folder, last, unit in ((top, "Materials", "E", "Pa"), (top - 1, "Loads", "Traction x", "Pa")):
+        for name, rows in sorted(mesh.of_dimension(dimension)[1].items()):
+            kind, _, own = name.rpartition(":")
+            if any(map(len, rows)) and kind in ("", folder[:-1].lower()):
+                groups[f"{folder}/{own}/{last}"] = unit, f"of the group '{name}'"
+    spacing = "Zones/body/Spacing" if mesh.of_dimension(3)[0] else ""
+    return needed(values, spacing, str(values.get(f"{PREFIX}Units") or "m"), groups)
+
+
 def _plate(
     mesh: Mesh, values: dict[str, float | str], path: Path, cracks: Sequence[str]
 ) -> tuple[Grid, Settings, tuple[str, ...]]:
     """The nodes of a plane mesh. Raises SceneError."""
     if mesh.points.shape[1] > 2 and np.ptp(mesh.points[:, 2]) > FLAT * np.ptp(mesh.points[:, :2], axis=0).max():
-        raise SceneError("points: z has several values; use a plane mesh, or one of solids")
+        raise SceneError(
+            "points: z has several values; use a plane mesh, one of solids, or for a closed STL surface pdmesh init"
+        )
     if not mesh.of_dimension(2)[0]:
         raise SceneError("the mesh has no triangle and no quad; add some")
     of_place = joined(mesh.points)

@@ -119,6 +119,26 @@ class Parameter:
     meaning: str = ""
 
 
+def needed(
+    values: Mapping[str, float | str], spacing: str, unit: str, groups: Mapping[str, tuple[str, str]] | None = None
+) -> list[Parameter]:
+    """The parameters that a file without any needs, those without a value as "", and those that are set.
+
+    `spacing` is the name of that of its zone, "" if its nodes are given; `groups` are more, with unit and meaning.
+    """
+    every = {
+        **({spacing: (unit, "between nodes")} if spacing else {}),
+        "Material/E": ("Pa", "Young's modulus"),
+        "Material/rho": ("kg/m^3", "density"),
+        "Material/G0": ("J/m^2", "critical energy release rate"),
+        **(groups or {}),
+        "Units": ("", "of all lengths"),
+    }
+    names = {PREFIX + name: about for name, about in every.items()}
+    values = {f"{PREFIX}Units": unit, **values}
+    return [Parameter(name, values.get(name, ""), *names.get(name, ())) for name in dict.fromkeys([*names, *values])]
+
+
 def full_name(name: str) -> str:
     """A parameter's name with ``Peridynamics/`` before it; that of a setting of the solver is its parameter's."""
     return name if name.startswith(PREFIX) else PREFIX + OF_SETTINGS.get(name, name)

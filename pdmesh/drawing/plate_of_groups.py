@@ -250,4 +250,5 @@ def _check_places(groups: dict[str, dict[str, Group]]) -> None:
         if np.ptp(cloud[:, 2]) > FLAT * max(np.ptp(cloud[:, 0]), np.ptp(cloud[:, 1])):
             raise SceneError(
                 f"drawing: z goes from {cloud[:, 2].min():g} to {cloud[:, 2].max():g} m; draw a plane of one z"
+                " (pdmesh init turns a plate of a CAD file)"
             )

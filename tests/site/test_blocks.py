@@ -169,7 +169,11 @@ def given(tmp_path_factory: pytest.TempPathFactory, solved: Callable[[str], Path
     """What readers have of their own: drawings, a part from a CAD program, a mesh, a bare grid file, results."""
     pytest.importorskip("gmsh", exc_type=OSError)
     folder = tmp_path_factory.mktemp("given")
-    for drawing in (*(DOCS / "getting_started" / "first_simulation").glob("*.*"), *(DOCS / "tutorials").glob("*.*")):
+    for drawing in (
+        path
+        for part in ("getting_started/first_simulation", "tutorials", "how_to")
+        for path in (DOCS / part).glob("*.*")
+    ):
         if drawing.suffix in (".geo", ".py"):
             shutil.copy(drawing, folder)
     for name in ("plate", "duran50"):

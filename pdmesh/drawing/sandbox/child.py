@@ -36,12 +36,14 @@ def read_copies(
     limit: float,
     tolerance: float = 0.0,
     unit: str = "M",
+    numbered: bool = False,
 ) -> dict[str, Any]:
     """Output of Gmsh for copies, of which the first is the drawing or the CAD file. Raises SceneError.
 
     `limit` is that of processor time, s. An assignment is a name, a text, and the SI unit of a number in it.
     `tolerance` is the largest distance of a chord of a CAD file from its curve; 0 takes it from the size. `unit`, one
-    of Open CASCADE's names, is the unit of coordinates and of the tolerance.
+    of Open CASCADE's names, is the unit of coordinates and of the tolerance. `numbered` asks for all faces or edges by
+    their numbers, in place of the groups of a drawing.
     """
     first = next(iter(copies))
     with scratch() as folder:
@@ -53,6 +55,7 @@ def read_copies(
             "assignments": assignments,
             "tolerance": tolerance,
             "unit": unit,
+            "numbered": numbered,
             "walls": WALLS,
         }
         gmsh_output = _run(copies[first].path, job, limit, folder)

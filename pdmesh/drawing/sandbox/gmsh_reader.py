@@ -27,6 +27,7 @@ PREFIX = "Peridynamics/"
 BODIES = f"{PREFIX}Bodies/"
 NOT_FINITE = re.compile(r"([\[,:] *)-?(?:nan|inf)\b")  # Gmsh's JSON has numbers that are not JSON
 LEAST_TOLERANCE = 1e-8  # of the size of a drawing: finer chords are not made for any spacing
+PICTURE = 5e-4  # of the size of a part: how far the chords of its picture are from its curves
 PLATE = "zone:plate"  # the group a CAD file's surfaces are put in
 
 
@@ -111,6 +112,9 @@ def _open(gmsh: Any, job: dict[str, Any], gmsh_output: dict[str, Any]) -> None:
         gmsh.open(path)
         gmsh_output["parameters"] = _parameters_of(gmsh)
     dimension = dimension_of(gmsh)
+    if job.get("numbered"):
+        gmsh_output |= _numbered(gmsh, job, dimension)
+        return
     bodies = {entry["name"].split("/")[2] for entry in gmsh_output["parameters"] if entry["name"].startswith(BODIES)}
     gmsh_output["zones"] = add_zones(gmsh, dimension, _spacings(gmsh_output["parameters"]), bodies)
     if dimension == 3:
@@ -121,6 +125,25 @@ def _open(gmsh: Any, job: dict[str, Any], gmsh_output: dict[str, Any]) -> None:
         gmsh_output |= _spatial_groups(gmsh, job, job["chords"] * _finest(spacings) if meshable else 0.0)
     else:
         gmsh_output["groups"] = _groups_of(gmsh, gmsh_output["parameters"], job["chords"])
+
+
+def _numbered(gmsh: Any, job: dict[str, Any], dimension: int) -> dict[str, Any]:
+    """Each face of the volumes, or each edge of the surfaces, as a group with its number, and what Gmsh calls it."""
+    shapes = gmsh.model.getEntities(dimension)
+    boundary = gmsh.model.getBoundary(shapes, combined=False, oriented=False)
+    numbers = sorted({int(tag) for _, tag in boundary})
+    types = {number: gmsh.model.getType(dimension - 1, number) for number in numbers}
+    tolerance = PICTURE * max(_size(gmsh), LEAST_TOLERANCE)
+    gmsh.model.removePhysicalGroups()
+    for number in numbers:
+        gmsh.model.addPhysicalGroup(dimension - 1, [number], number)
+    if dimension == 3:
+        gmsh.model.addPhysicalGroup(3, [tag for _, tag in shapes], name="zone:part")
+        return _spatial_groups(gmsh, job, tolerance) | {"types": types, "count": len(shapes)}
+    edges = [{"number": number, "curves": [_sample(gmsh, number, tolerance)]} for number in numbers]
+    surfaces = [[_sample(gmsh, curve, tolerance) for curve in _bounds(gmsh, [surface])] for _, surface in shapes]
+    flat = all(gmsh.model.getType(*surface) == "Plane" for surface in shapes)
+    return {"groups": edges, "surfaces": surfaces, "types": types, "count": len(shapes), "flat": flat}
 
 
 def _spatial_groups(gmsh: Any, job: dict[str, Any], tolerance: float) -> dict[str, Any]:
