@@ -104,7 +104,8 @@ def solved(
         step = share * prepare(with_run(plate, time_step=None), Options(threads=1)).system.stable_time_step
         plate = with_run(plate, time_step=step, steps=round(duration / step))
     (system, state), steps = prepare(plate, Options(threads=1)), plate.settings.run.steps
-    begins = system.zone_summary.fine_share if system.zone_summary else 1.0
+    at_start = system.regridder.zone_summary(system)
+    begins = at_start.fine_share if at_start else 1.0
     splits = system.regridder if system.regridder.steps_between_checks else None
     began, done = time.thread_time(), 0
     while done < steps:

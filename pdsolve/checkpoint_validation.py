@@ -53,11 +53,6 @@ def entry(
     return array.reshape([length if size is None else size for size in shape])
 
 
-def lacks_all(checkpoint: Mapping[str, NDArray[Any]], *names: str) -> bool:
-    """Whether a checkpoint has none of these arrays, which are written together or not at all."""
-    return checkpoint.keys().isdisjoint(names)
-
-
 def like(checkpoint: Mapping[str, NDArray[Any]], name: str, array: NDArray[Any]) -> NDArray[Any]:
     """The array `name` of a checkpoint, with the shape and type of `array`. Raises CheckpointError."""
     return entry(checkpoint, name, array.shape, array.dtype)
@@ -101,7 +96,7 @@ def pending_to_arrays(pending: PendingPulls) -> dict[str, NDArray[Any]]:
 
 def read_pending_pulls(checkpoint: Mapping[str, NDArray[Any]], nodes: int, kind: DTypeLike) -> PendingPulls:
     """PendingPulls among so many nodes from a checkpoint, none in one of an older version. Raises CheckpointError."""
-    if lacks_all(checkpoint, "pending", "pending_source", "pending_target"):
+    if checkpoint.keys().isdisjoint(("pending", "pending_source", "pending_target")):
         none = np.zeros(0, dtype=np.int64)
         return PendingPulls(none, none, np.zeros(0, dtype=kind))
     stretch = entry(checkpoint, "pending", (None,), kind)
@@ -128,6 +123,6 @@ def pulls_to_arrays(
 
 def read_pulls(checkpoint: Mapping[str, NDArray[Any]], bonds: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """What `pulls_to_arrays` gave, 0 in a checkpoint of an older version. Raises CheckpointError."""
-    if lacks_all(checkpoint, "break_pull", "break_growth"):
+    if checkpoint.keys().isdisjoint(("break_pull", "break_growth")):
         return np.zeros(bonds), np.zeros(bonds)
     return entry(checkpoint, "break_pull", (bonds,), float), entry(checkpoint, "break_growth", (bonds,), float)

@@ -78,7 +78,13 @@ class Model:
     name: str = "model"
 
     def __post_init__(self) -> None:
-        self._check_physics()
+        for part in PARTS[self.settings.physics]:
+            if getattr(self.settings, part) is None:
+                needed, first = ("E, rho and G0", "E") if part == "material" else ("D", "D")
+                raise ModelError(
+                    f"{self.name}: $.{part} is missing; give {needed} (in the file, a --settings TOML or --set"
+                    f" {part}.{first}=...)"
+                )
         self._resolve_fracture_energies()
         large = beyond(self.settings, "$")
         if large is not None:
@@ -112,15 +118,6 @@ class Model:
 
     def _of_regions(self) -> Iterator[Material]:
         return (region.material for region in self.settings.regions)
-
-    def _check_physics(self) -> None:
-        for part in PARTS[self.settings.physics]:
-            if getattr(self.settings, part) is None:
-                needed, first = ("E, rho and G0", "E") if part == "material" else ("D", "D")
-                raise ModelError(
-                    f"{self.name}: $.{part} is missing; give {needed} (in the file, a --settings TOML or --set"
-                    f" {part}.{first}=...)"
-                )
 
     @property
     def has_diffusion_only(self) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.bonds.assembly import Bonds, ends, find, in_precision, stiffness_bound
-from pdsolve.checkpoint_validation import entry, lacks_all, like, read_pending_pulls
+from pdsolve.checkpoint_validation import entry, like, read_pending_pulls
 from pdsolve.laws.bond_arrays import AnyList, Now, SwollenList, list_of
 from pdsolve.laws.calls import bind
 from pdsolve.laws.law import Law, Sums
@@ -300,7 +300,7 @@ class BondList:
         for name in self._node_history_names():
             column = getattr(self.columns, name)
             column[:] = like(checkpoint, name, column)
-        if not lacks_all(checkpoint, "torn", "torn_source", "torn_target"):
+        if not checkpoint.keys().isdisjoint(("torn", "torn_source", "torn_target")):
             width = sum(unknown.width for unknown in self.unknowns)
             torn = entry(checkpoint, "torn", (None, width + 1), float)
             source, target = (

@@ -129,11 +129,6 @@ def supported(model: Model, volume: Array, bonds: Operator) -> Operator:
     return Together(GroundSupports(model, volume, bonds.unknowns), bonds)
 
 
-def support_bound(model: Model, volume: Array) -> Array:
-    """What supports add to the bound (n,) of each node's stiffness, N/m^4."""
-    return GroundSupports(model, volume, (Unknown("u", model.grid.dimension, 2),)).stiffness_bound()
-
-
 def supports_of(operator: Operator) -> GroundSupports | None:
     """The supports in an operator, if there are any."""
     parts = operator.parts if isinstance(operator, Together) else (operator,)

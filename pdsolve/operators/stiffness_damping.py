@@ -68,20 +68,16 @@ class StiffnessDamping(UnbreakableOperator):
 
     def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w) at the velocities of a state to `out`, and book the energy they take."""
-        self._remove_broken_bonds(step - 1)
+        broken = self._bonds.broken(self._known_step)
+        self._known_step = step - 1
+        keys = broken.source * len(self._force) + broken.target
+        self._stiffness[np.searchsorted(self._bond_keys, keys)] = 0.0  # what is broken damps no more
         velocity, force = np.ascontiguousarray(state.rate, dtype=np.float64), np.zeros_like(self._force)
         current = self._position + state.value
         add_damping_forces(self._start, self._target, self._beta * self._stiffness, current, velocity, force)
         state.damped[:] -= dt / 2 * ((self._force + force) * velocity).sum(axis=1)
         out += force
         self._force = force
-
-    def _remove_broken_bonds(self, until_step: int) -> None:
-        """Let bonds that broke until a step damp no more."""
-        broken = self._bonds.broken(self._known_step)
-        self._known_step = until_step
-        keys = broken.source * len(self._force) + broken.target
-        self._stiffness[np.searchsorted(self._bond_keys, keys)] = 0.0
 
     def energies(self, state: State) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """No energy (n,) is stored or dissipated by softening."""

@@ -332,7 +332,13 @@ class _LastingTangent(Tangents):
         proposed = self._inverse(right_sides[:, 0])
         step = proposed.copy()
         if self._last is not None:
-            self._add_change(self._last[0], proposed - self._last[1])
+            taken, change = self._last[0], proposed - self._last[1]  # of what is proposed after the last step
+            size = float(np.sqrt(change @ change)) or 1.0  # so that all are as large
+            self._moves = [*self._moves[1 - MIXED :], (taken + change) / size]
+            self._changes = [*self._changes[1 - MIXED :], change / size]
+            last = np.array([self._changes[-1] @ earlier_change for earlier_change in self._changes])
+            before = self._products[-(len(last) - 1) :, -(len(last) - 1) :] if len(last) > 1 else self._products[:0, :0]
+            self._products = np.block([[before, last[:-1, None]], [last]])
         if self._changes:
             right = np.array([proposed @ earlier_change for earlier_change in self._changes])
             shares = np.linalg.lstsq(self._products, right, rcond=ALIKE)[0]
@@ -340,12 +346,3 @@ class _LastingTangent(Tangents):
                 step -= share * move
         self._last = step, proposed
         return step[:, None]
-
-    def _add_change(self, step: Array, proposed_change: Array) -> None:
-        """Add the change of what is proposed after a step."""
-        size = float(np.sqrt(proposed_change @ proposed_change)) or 1.0  # so that all are as large
-        self._moves = [*self._moves[1 - MIXED :], (step + proposed_change) / size]
-        self._changes = [*self._changes[1 - MIXED :], proposed_change / size]
-        last = np.array([self._changes[-1] @ earlier_change for earlier_change in self._changes])
-        before = self._products[-(len(last) - 1) :, -(len(last) - 1) :] if len(last) > 1 else self._products[:0, :0]
-        self._products = np.block([[before, last[:-1, None]], [last]])

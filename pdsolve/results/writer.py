@@ -303,7 +303,12 @@ class Writer:
         def families(first: int, last: int) -> Families:
             return Families(start[first : last + 1] - start[first], neighbour[start[first] : start[last]])
 
-        self._write_nodes(epoch.first, epoch.step, _births(epoch.born, families))
+        def nodes(first: int, last: int) -> Nodes:
+            return select_nodes(born, np.arange(first, last))
+
+        born, dimension = epoch.born, epoch.born.position.shape[1]
+        bonds = int((born.family - born.cut).sum())
+        self._write_nodes(epoch.first, epoch.step, Births(len(born.ids), dimension, bonds, nodes, families))
         self._append("node_death", records("node_death", [np.full_like(epoch.died, epoch.step), epoch.died]))
         self._append("epoch", [(epoch.step, epoch.nodes, epoch.bonds)])
 
@@ -356,15 +361,6 @@ class Writer:
             self.connection.execute("PRAGMA wal_checkpoint(PASSIVE)")
             return False
         return True
-
-
-def _births(nodes: Nodes, families: Callable[[int, int], Families]) -> Births:
-    """Nodes that are all there."""
-    bonds = int((nodes.family - nodes.cut).sum())
-    dimension = nodes.position.shape[1]
-    return Births(
-        len(nodes.ids), dimension, bonds, lambda first, last: select_nodes(nodes, np.arange(first, last)), families
-    )
 
 
 def _in_chunks(pieces: Iterator[NDArray[Any]]) -> Iterator[NDArray[Any]]:

@@ -188,7 +188,7 @@ class EnergyAccounts:
 
     def progress_text(self, broken_directed_bond_count: int) -> str:
         """State of the balance in words, with so many broken bonds, for a progress display."""
-        fine = self._system.zone_summary
+        fine = self._system.regridder.zone_summary(self._system)
         text = f"broken bonds {pair_count(broken_directed_bond_count)}, balance {self.balance_error:+.1e}"
         if fine is not None:
             text += f", fine {fine.fine_share:.1%}"

@@ -37,7 +37,7 @@ from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.contact.operator import BondsInContact, PenaltyContact, touch_bound
 from pdsolve.operators.ghosts import Ghosts
-from pdsolve.operators.ground_supports import support_bound, supported, supports_of
+from pdsolve.operators.ground_supports import GroundSupports, supported, supports_of
 from pdsolve.operators.protocol import BondLayout, Motion, Operator
 from pdsolve.operators.softening_shear import softening_of
 from pdsolve.operators.stiffness_damping import add_stiffness_damping, damped_stable_time_step
@@ -61,7 +61,7 @@ from pdsolve.rest.static_loads import (
 )
 from pdsolve.run.system import GrowingCracks, PreparedRun, System
 from pdsolve.schemes.cubic_lattice_bonds import Tiled, tiled
-from pdsolve.state import State, zero_state
+from pdsolve.state import State, Unknown, zero_state
 from pdsolve.stepper import Stepper
 from pdsolve.steppers.verlet import Verlet
 
@@ -226,7 +226,8 @@ def count_bonds_and_compute_stiffness_bound(
 
 def _contact_and_support_stiffness_bound(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:
     """What contact and supports add to the bound (n,) of each node's stiffness, N/m^4."""
-    return touch_bound(model, volume) + support_bound(model, volume)
+    supports = GroundSupports(model, volume, (Unknown("u", model.grid.dimension, 2),))
+    return touch_bound(model, volume) + supports.stiffness_bound()
 
 
 def _make_bond_tiles_if_possible(

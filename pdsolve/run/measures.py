@@ -82,7 +82,8 @@ def compute_balance_part(
     The broken bonds of `energies_and_breaks` are those of own nodes.
     """
     strain, softened, broken = energies_and_breaks
-    zone = {} if system.zone_summary is None else system.zone_summary._asdict()
+    summary = system.regridder.zone_summary(system)
+    zone = {} if summary is None else summary._asdict()
     if system.moving_zone_operator is not None:
         totals = system.moving_zone_operator.energy_balance_totals()._asdict()
         return BalancePart(EnergyBalanceRow(step, step * system.time_step, **totals, **zone), {})

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import cast
 
 import numpy as np
-from numpy.typing import NDArray
 
 from pdsolve.adaptivity.factory import create_zone_operator_and_stable_step
 from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity
@@ -210,20 +209,9 @@ def _prepare_cell_splitting(model: Model, options: Options, scheme: Scheme) -> P
         SURE[scheme.name] * stable_time_step_from_stiffness_bound(operator.stiffness_bound(), now.rho) / 2**tree.levels
     )
     step = choose_time_step(model, bound)
-    rest = assemble_system(now, options, scheme, operator, bonds.assembly.counted, step, bound)
-    prepared = _set_initial_velocity(rest, tree.model, initial_velocity(model), damping(now))  # `now` knows no velocity
-    return prepared._replace(system=replace(prepared.system, regridder=CellSplitting(tree)))
-
-
-def _set_initial_velocity(
-    prepared_at_rest: PreparedRun,
-    full_model: Model,
-    velocity: NDArray[np.float64],
-    damping_rates: NDArray[np.float64],
-) -> PreparedRun:
-    """The start of a run of `full_model`, whose current nodes have these velocities (n, d), m/s, and are damped so
-    (n,), 1/s."""
-    system, state = prepared_at_rest
-    set_initial_velocity_and_acceleration(state, velocity, damping_rates, system.drive)
+    system, state = assemble_system(now, options, scheme, operator, bonds.assembly.counted, step, bound)
+    velocity = initial_velocity(model)  # `now` knows none
+    set_initial_velocity_and_acceleration(state, velocity, damping(now), system.drive)
     energy = float(np.sum(system.model.rho / 2 * system.area * (velocity**2).sum(axis=1)))
-    return PreparedRun(replace(system, full_model=full_model, initial_energy=energy), state)
+    splitting = replace(system, full_model=tree.model, initial_energy=energy, regridder=CellSplitting(tree))
+    return PreparedRun(splitting, state)

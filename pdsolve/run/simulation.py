@@ -379,7 +379,8 @@ def _make_progress(recorder: Recorder, step: int, load_step_progress: LoadStepPr
     broken = (load_step_progress or accounts).broken_directed_bond_count
     words = ", ".join(filter(None, [system.stepper.progress_text(), accounts.progress_text(broken)]))
     steps = system.model.settings.run.steps
-    return Progress(step, steps, broken, accounts.balance_error, words, system.zone_summary, load_step_progress)
+    zone_summary = system.regridder.zone_summary(system)
+    return Progress(step, steps, broken, accounts.balance_error, words, zone_summary, load_step_progress)
 
 
 def _can_stop_before_next_balance_row(regridder: Regridder, step: int, balance_row_is_soon: bool) -> bool:

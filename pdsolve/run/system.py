@@ -161,11 +161,6 @@ class System:
         """The model as given, with all conditions."""
         return self.full_model or self.model
 
-    @property
-    def zone_summary(self) -> ZoneSummary | None:
-        """Summary of finer nodes that come and go; None without any."""
-        return self.regridder.zone_summary(self)
-
     def profile_time_or_load_factor(self, step_number: int) -> float:
         """Time of the profiles of conditions after `step_number`, s."""
         factor = self.stepper.load_factor

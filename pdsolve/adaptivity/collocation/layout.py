@@ -108,7 +108,11 @@ def create_constants_and_plate(
     ways = springs.family_dy * numbering.row_stride + springs.family_dx
     row = np.full(numbering.place_count, -1, dtype=np.int32)
     row[place_of_grid_row] = np.arange(len(place_of_grid_row))
-    area = _node_areas(model, numbering, place_of_grid_row, row)
+    if model.grid.areas is not None:
+        area = model.grid.areas
+    else:  # a quarter of each adjacent square between nodes
+        has_node = (row[: numbering.place_count - 2 * ROW] >= 0).reshape(-1, numbering.row_stride)
+        area = np.asarray(h**2 / 4 * count_full_cubes_around_nodes(has_node).ravel()[place_of_grid_row])
     area_share, no_fail = np.zeros((1, numbering.place_count)), np.zeros(numbering.place_count, dtype=np.bool_)
     share = area / h**2
     area_share[0, place_of_grid_row] = np.where(np.abs(share - 1) < SAME, 1.0, share)
@@ -174,18 +178,6 @@ def _create_plate(
         has_condition=has_condition,
         stiffness_index_of_row=np.zeros(0, dtype=np.int32),
     )
-
-
-def _node_areas(
-    model: Model, numbering: PlateNumbering, place_of_grid_row: NDArray[np.int64], grid_row_at_place: NDArray[np.int32]
-) -> NDArray[np.float64]:
-    """Areas (n,) of nodes, m^2: those of the grid, or else a quarter of each adjacent square between nodes."""
-    if model.grid.areas is not None:
-        return model.grid.areas
-    around = count_full_cubes_around_nodes(
-        (grid_row_at_place[: numbering.place_count - 2 * ROW] >= 0).reshape(-1, numbering.row_stride)
-    ).ravel()[place_of_grid_row]
-    return np.asarray(float(model.grid.delta[0]) ** 2 / 4 * around)
 
 
 def reshape_to_lattice(values: NDArray[Any], numbering: PlateNumbering) -> NDArray[Any]:

@@ -42,7 +42,15 @@ def update_leaf_bonds(rule: ByPairs, model: Model, previous: LeafBonds, origins:
     new_pairs = rule.looked(chosen(pairs, ~(stays[pairs.source] & stays[pairs.target])))
     new_row_of_node = np.full(len(previous.surface_correction), -1)
     new_row_of_node[origins.origin_rows[stays, 0]] = np.flatnonzero(stays)
-    paired = _join_unchanged_and_new_pairs(previous.pairs, new_row_of_node, new_pairs, len(stays))
+    source, target, length = previous.pairs.pairs
+    source, target = new_row_of_node[source], new_row_of_node[target]
+    unchanged = np.flatnonzero((source >= 0) & (target >= 0))
+    old = _select_pairs(previous.pairs._replace(pairs=Pairs(source, target, length)), unchanged)
+    ends: list[Any] = [np.concatenate(columns) for columns in zip(old.pairs, new_pairs.pairs, strict=True)]
+    rest: list[Any] = [np.concatenate(columns) for columns in zip(old[1:], new_pairs[1:], strict=True)]
+    paired = Paired(Pairs(*ends), *rest)
+    order = np.argsort(paired.pairs.source * len(stays) + paired.pairs.target, kind="stable")
+    paired = _select_pairs(paired, order)
     lack = np.zeros((len(stays), *previous.surface_correction.shape[1:]))
     lack[stays] = previous.surface_correction[origins.origin_rows[stays, 0]]
     changed = np.zeros(len(stays), dtype=bool)
@@ -50,19 +58,6 @@ def update_leaf_bonds(rule: ByPairs, model: Model, previous: LeafBonds, origins:
     changed_pairs = np.flatnonzero(changed[paired.pairs.source])
     lack[near_rows] = rule.lack(near_rows, _select_pairs(paired, changed_pairs))
     return _assemble_leaf_bonds(rule, paired, lack)
-
-
-def _join_unchanged_and_new_pairs(
-    previous: Paired, new_row_of_node: NDArray[np.int64], new_pairs: Paired, node_count: int
-) -> Paired:
-    """Fresh pairs and those of unchanged nodes, with their new row numbers, in order."""
-    source, target = new_row_of_node[previous.pairs.source], new_row_of_node[previous.pairs.target]
-    unchanged = np.flatnonzero((source >= 0) & (target >= 0))
-    old = _select_pairs(previous._replace(pairs=Pairs(source, target, previous.pairs.length)), unchanged)
-    ends: list[Any] = [np.concatenate(columns) for columns in zip(old.pairs, new_pairs.pairs, strict=True)]
-    rest: list[Any] = [np.concatenate(columns) for columns in zip(old[1:], new_pairs[1:], strict=True)]
-    both = Paired(Pairs(*ends), *rest)
-    return _select_pairs(both, np.argsort(both.pairs.source * node_count + both.pairs.target, kind="stable"))
 
 
 def _select_pairs(paired: Paired, pair_numbers: NDArray[np.int64]) -> Paired:

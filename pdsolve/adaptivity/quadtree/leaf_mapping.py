@@ -58,18 +58,10 @@ def leaves_after_split_and_merge(
     )
     way[kind == 0] = 0.0
     way[(kind == 2) & (np.abs(way).max(axis=1, initial=0.0) < SAME * tree.spacing)] = 0.0
-    return new, LeafOrigins(
-        before, parts, kind == 1, kind == 2, way, _vectors_from_centre_of_mass(tree, new, before[:, 0], kind == 1, way)
-    )
-
-
-def _vectors_from_centre_of_mass(
-    tree: Quadtree, new: QuadtreeCells, parent_rows: Rows, split: NDArray[np.bool_], away: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Vectors (m, 2), m, from the centre of mass of four quarters to each; `parent_rows` (m,) is their parent's."""
-    vectors, area = np.zeros_like(away), tree.areas(new.select(split))
-    _, group = np.unique(parent_rows[split], return_inverse=True)
+    split = kind == 1
+    from_centre, area = np.zeros_like(way), tree.areas(new.select(split))  # of mass of the four quarters of a leaf
+    _, group = np.unique(before[split, 0], return_inverse=True)
     for axis in (0, 1):
-        mean = np.bincount(group, area * away[split, axis]) / np.bincount(group, area)
-        vectors[split, axis] = away[split, axis] - mean[group]
-    return vectors
+        mean = np.bincount(group, area * way[split, axis]) / np.bincount(group, area)
+        from_centre[split, axis] = way[split, axis] - mean[group]
+    return new, LeafOrigins(before, parts, split, kind == 2, way, from_centre)
