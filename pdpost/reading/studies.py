@@ -5,6 +5,7 @@ A table has columns by name; `pandas.DataFrame(table)` accepts it directly, and 
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -29,7 +30,7 @@ class Read(NamedTuple):
     path: Path
     rows: list[Row]
     columns: dict[str, Column]
-    varied: list[str]  # parameters that are not the same in all of them
+    varied: list[str]  # parameters that are not the same in all of them, but for random ones
     failed: int
     waiting: int
 
@@ -44,12 +45,12 @@ class Named(NamedTuple):
 def read(path: Path) -> Read:
     """The study at `path`. Raises StudyError if no run is finished."""
     with Table.open(path) as table:
-        rows, columns = table.rows(), table.columns()
+        rows, columns, random = table.rows(), table.columns(), json.loads(table.about().get("random", "[]"))
     done = [row for row in rows if row.status == FINISHED]
     if not done:
         raise StudyError(f"{path}: no run is finished; at least one of {len(rows)} is needed")
     parameters = [name for name, column in columns.items() if column.kind != "measure"]
-    varied = [name for name in parameters if len({row.values[name] for row in done}) > 1]
+    varied = [name for name in parameters if name not in random and len({row.values[name] for row in done}) > 1]
     failed = sum(row.error is not None for row in rows)
     return Read(path, done, columns, varied, failed, len(rows) - len(done) - failed)
 

@@ -8,17 +8,19 @@ import json
 import math
 import sys
 import tomllib
-from collections.abc import Mapping
+import zlib
+from collections.abc import Container, Mapping
 from dataclasses import dataclass
 from datetime import date, time
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
+import numpy as np
 
 from pdmesh.files import FilePath
 from pdmesh.model.suggestions import explained
-from pdsolve.study.measure_columns import column_of
+from pdsolve.study.measure_columns import MEASURES, OWN, column_of
 
 Mode = Literal["conservative", "thesis"]
 Kernel = Literal["blocks", "listed"]
@@ -68,6 +70,61 @@ class Repeat(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 ONCE = Repeat()
 
 
+QUANTITIES = ("peak_force", "displacement_at_peak", "intensity", "cycles", "sql")
+
+
+class RunMeasure(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A further column of the table: one of QUANTITIES of a run."""
+
+    peak_force: str | None = None  # the largest force of this condition or load cell, along the axis of its largest
+    displacement_at_peak: str | None = None  # the mean displacement of its nodes along this axis, at that force
+    intensity: Literal["J", "K1", "K2", "T"] | None = None  # of the first tip, in the last frame in which it has one
+    cycles: Literal["total", "first_break"] | None = None  # of a run with fatigue
+    sql: str | None = None  # a query of the database of a run, whose first value it is
+    unit: str = ""  # of what `sql` selects
+
+    @property
+    def quantity(self) -> tuple[str, str]:
+        """The field that is given, and its value."""
+        return next((name, value) for name in QUANTITIES if (value := getattr(self, name)) is not None)
+
+
+Pair = tuple[float, float]
+
+
+class Distribution(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The distribution of a parameter that is drawn anew for each repetition; one field is given."""
+
+    uniform: Pair | None = None  # least and largest value
+    normal: Pair | None = None  # mean and standard deviation
+    lognormal: Pair | None = None  # median, and standard deviation of the logarithm
+    weibull: Pair | None = None  # scale, exceeded with a probability of 1/e, and modulus
+
+    def draw(self, random: np.random.Generator) -> float:
+        """A value."""
+        if self.uniform is not None:
+            return float(random.uniform(*self.uniform))
+        if self.normal is not None:
+            return float(random.normal(*self.normal))
+        if self.lognormal is not None:
+            return float(self.lognormal[0] * np.exp(self.lognormal[1] * random.standard_normal()))
+        assert self.weibull is not None
+        return float(self.weibull[0] * random.weibull(self.weibull[1]))
+
+
+class Random(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Distributions of parameters of the drawing and of settings of the model, which may be tables in tables."""
+
+    drawing: dict[str, Distribution] = {}
+    model: dict[str, Any] = {}
+
+    def named(self) -> list[tuple[str, str, Distribution]]:
+        """Kind, name and distribution of each parameter. Raises msgspec.ValidationError."""
+        flat = _flatten_to_dotted_names(self.model, ends=Distribution.__struct_fields__)
+        named = [("model", name, msgspec.convert(value, Distribution)) for name, value in flat.items()]
+        return [*(("drawing", *item) for item in self.drawing.items()), *named]
+
+
 class Description(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The contents of the file study.toml."""
 
@@ -76,6 +133,8 @@ class Description(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     vary: Vary = Vary()
     runs: tuple[Set, ...] = ()
     repeat: Repeat = Repeat()
+    random: Random = Random()
+    measures: dict[str, RunMeasure] = {}
 
 
 @dataclass(frozen=True)
@@ -135,14 +194,19 @@ class Study:
 
     @property
     def varied(self) -> list[str]:
-        """Names of the parameters that differ between runs, in the order of the file."""
-        cases = self.cases()
-        names = dict.fromkeys(name for case in cases for name in case.values)
+        """Names of the parameters that differ between runs, but for random ones, in the order of the file."""
+        cases, random = self.cases(), self.random
+        names = dict.fromkeys(name for case in cases for name in case.values if name not in random)
         return [
             name
             for name in names
             if len({json.dumps(_with_equal_numbers(case.values.get(name))) for case in cases}) > 1
         ]
+
+    @property
+    def random(self) -> list[str]:
+        """Table columns of the random parameters."""
+        return [column_of(kind, name) for kind, name, _ in self.description.random.named()]
 
     def cases(self) -> list[Case]:
         """All runs: each of `runs` combined with all combinations of `vary`, and repeated. Raises StudyError."""
@@ -157,6 +221,7 @@ class Study:
         count = math.prod(len(values) for _, _, values in ranges) * max(len(about.runs), 1) * about.repeat.times
         if count > MOST:
             raise StudyError(f"{self.path} has {count} runs; use at most {MOST}")
+        distributions = about.random.named()
         for listed in about.runs or (Set(),):
             for chosen in itertools.product(*(values for _, _, values in ranges)):
                 parts: dict[str, dict[str, Any]] = {"drawing": {}, "model": {}, "options": {}}
@@ -165,7 +230,11 @@ class Study:
                 for (kind, name, _), value in zip(ranges, chosen, strict=True):
                     parts[kind][name] = value
                 for repetition in range(about.repeat.times):
-                    case = Case(**parts, repetition=repetition, repeat=about.repeat)
+                    drawn = {kind: dict(values) for kind, values in parts.items()}
+                    for kind, name, distribution in distributions:
+                        entropy = [about.repeat.seed, repetition, zlib.crc32(name.encode())]  # of each parameter
+                        drawn[kind][name] = distribution.draw(np.random.default_rng(entropy))
+                    case = Case(**drawn, repetition=repetition, repeat=about.repeat)
                     cases[case.key] = case
         return list(cases.values())
 
@@ -179,6 +248,7 @@ def read_study(path: FilePath) -> Study:
         text = read_bytes(path).decode("utf-8")
         content = tomllib.loads(text)
         about = msgspec.convert(content, Description)
+        _check_random(path, about, about.random.named())
         _raise_for_no_parameter_value(msgspec.to_builtins(about, builtin_types=(date, time)), "$")
     except OSError as error:
         raise StudyError(f"{path}: cannot be read: {error.strerror}") from None
@@ -187,16 +257,53 @@ def read_study(path: FilePath) -> Study:
     except (ValueError, RecursionError) as error:  # TOML's and UTF-8's
         raise StudyError(f"{path}: {error}") from None
     again = about.repeat
-    if again.times > 1 and not (again.notch or again.step or again.noise):
+    is_random = bool(about.random.drawing or about.random.model)
+    if again.times > 1 and not (again.notch or again.step or again.noise or is_random):
         raise StudyError(
-            f"{path}: $.repeat has {again.times} times without notch, step or noise, which give bit-identical runs;"
-            " add one of them"
+            f"{path}: $.repeat has {again.times} times without notch, step, noise or [random], which give bit-identical"
+            " runs; add one of them"
         )
+    _check_measures(path, about.measures)
     study = Study(path, text, about)
     if not study.drawing.is_file():
         raise StudyError(f"{path}: $.drawing: there is no file {study.drawing}; name a drawing")
     study.cases()
     return study
+
+
+def _check_random(path: Path, about: Description, named: list[tuple[str, str, Distribution]]) -> None:
+    """Raise StudyError for a distribution that is not one, or of a parameter that is varied or set as well."""
+    for kind, name, distribution in named:
+        place = f"{path}: $.random.{kind}: {name}"
+        given = [form for form in Distribution.__struct_fields__ if getattr(distribution, form) is not None]
+        if len(given) != 1:
+            forms = ", ".join(Distribution.__struct_fields__)
+            raise StudyError(f"{place} has {len(given)} distributions; give one of {forms}")
+        first, second = getattr(distribution, given[0])
+        if not (math.isfinite(first) and math.isfinite(second)):
+            raise StudyError(f"{place} has {first:g} and {second:g}; use finite numbers")
+        if given[0] == "uniform" and not first < second:
+            raise StudyError(f"{place} is uniform from {first:g} to {second:g}; give the smaller number first")
+        if given[0] != "uniform" and not second > 0:
+            raise StudyError(f"{place} has {second:g} as its second number; use one above 0")
+        varied = about.vary.drawing if kind == "drawing" else _flatten_to_dotted_names(about.vary.model)
+        if name in varied:
+            raise StudyError(f"{place} is in $.vary as well; leave it out of one of them")
+
+
+def _check_measures(path: Path, measures: Mapping[str, RunMeasure]) -> None:
+    """Raise StudyError for a measure that is not exactly one quantity, or that has the name of another column."""
+    reserved = {name.lower() for name in (*OWN, *MEASURES)}
+    for name, measure in measures.items():
+        given = [quantity for quantity in QUANTITIES if getattr(measure, quantity) is not None]
+        if len(given) != 1:
+            raise StudyError(
+                f"{path}: $.measures.{name} gives {len(given)} quantities; give one of {', '.join(QUANTITIES)}"
+            )
+        if measure.unit and measure.sql is None:
+            raise StudyError(f"{path}: $.measures.{name}.unit is known from {given[0]}; leave it out")
+        if name.lower() in reserved:
+            raise StudyError(f"{path}: $.measures.{name} is a column of each study; use another name")
 
 
 def _raise_for_no_parameter_value(value: Any, place: str) -> None:
@@ -226,15 +333,14 @@ def _override_parts(parts: dict[str, dict[str, Any]], above: Set) -> None:
     parts["options"].update({name: getattr(above, name) for name in OPTIONS if getattr(above, name) is not None})
 
 
-def _flatten_to_dotted_names(nested: Mapping[str, Any], before: str = "") -> dict[str, Any]:
-    """Nested tables as dotted names."""
+def _flatten_to_dotted_names(nested: Mapping[str, Any], before: str = "", ends: Container[str] = ()) -> dict[str, Any]:
+    """Nested tables as dotted names. Tables with the keys `ends` are values."""
     flat: dict[str, Any] = {}
     for name, value in nested.items():
-        flat |= (
-            _flatten_to_dotted_names(value, f"{before}{name}.")
-            if isinstance(value, dict)
-            else {f"{before}{name}": value}
-        )
+        if isinstance(value, dict) and not (value and all(key in ends for key in value)):
+            flat |= _flatten_to_dotted_names(value, f"{before}{name}.", ends)
+        else:
+            flat[f"{before}{name}"] = value
     return flat
 
 

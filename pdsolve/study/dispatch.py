@@ -20,7 +20,7 @@ from pdsolve.results import holder, remove, writing_to
 from pdsolve.run.progress import LINE_EVERY, make_progress_bar
 from pdsolve.study.cluster import expect_scheduler, solved_by
 from pdsolve.study.description import Study, StudyError
-from pdsolve.study.measure_columns import measures_of
+from pdsolve.study.measure_columns import further_measures, measures_of
 from pdsolve.study.one_run import PATIENCE, Outcome, Task
 from pdsolve.study.recovered_runs import kept, own_runs
 from pdsolve.study.run_model import NAMED, check_study_and_return_dimension
@@ -75,16 +75,19 @@ def solve_study(
         with Table.create(output, study, f"pdsolve {VERSION}") as table:
             run_folder(output).mkdir(exist_ok=True)
             runs = {} if table.rows() else kept(run_folder(table.path), study)
-            numbers = table.add(study.cases(), _describe_parameters(study, workers.trust), measures_of(dimension), runs)
+            further = study.description.measures
+            measures = measures_of(dimension) | further_measures(further, dimension)
+            is_new = not measures.keys() <= table.columns().keys()  # finished runs are measured anew then
+            numbers = table.add(study.cases(), _describe_parameters(study, workers.trust), measures, runs)
             rows = table.rows(numbers.values())
-            over = (FINISHED,) if again else (FINISHED, FAILED)
+            over = {*(() if is_new else (FINISHED,)), *(() if again else (FAILED,))}
             waiting = {row.number for row in rows if row.status not in over}
             cases = [(numbers[case.key], case) for case in study.cases() if numbers[case.key] in waiting]
             drawing = study.drawing.resolve()
             files = {row.number: row.file.parent.resolve() / row.file.name for row in rows}
             bad = {row.number for row in rows if row.status == FAILED}
             how = (workers.threads, workers.trust, study.digest)
-            tasks = [Task(number, drawing, case, files[number], *how, number in bad) for number, case in cases]
+            tasks = [Task(number, drawing, case, files[number], *how, number in bad, further) for number, case in cases]
             failed = len(bad - waiting)
             holders = {task.number: name for task in tasks if (name := holder(task.output)) is not None}
             progress = StudyProgress(len(rows), len(rows) - len(tasks) - failed, failed, None, holders)

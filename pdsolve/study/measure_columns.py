@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, NamedTuple
 
 from pdmesh.model.material import DECLARED
+
+if TYPE_CHECKING:
+    from pdsolve.study.description import RunMeasure
 
 OWN = ("number", "key", "status", "error", "file", "repetition")
 
@@ -62,6 +66,33 @@ def measures_of(dimension: int) -> dict[str, Measure]:
         for name, measure in MEASURES.items()
         if measure.in_space
     }
+
+
+# Of what a study may measure in addition: unit in the plane, unit in space, and meaning
+FURTHER = {
+    "peak_force": ("N/m", "N", "largest force of"),
+    "displacement_at_peak": ("m", "m", "displacement at the largest force of"),
+    "J": ("J/m^2", "J/m^2", "J integral of the first tip"),
+    "K1": ("Pa m^0.5", "Pa m^0.5", "stress intensity factor of the first tip"),
+    "K2": ("Pa m^0.5", "Pa m^0.5", "stress intensity factor of the first tip"),
+    "T": ("Pa", "Pa", "T-stress of the first tip"),
+    "total": ("", "", "load cycles"),
+    "first_break": ("", "", "load cycles until the first bonds broke"),
+}
+
+
+def further_measures(further: Mapping[str, RunMeasure], dimension: int) -> dict[str, Measure]:
+    """The measures that a study describes, by their names."""
+    measures = {}
+    for name, measure in further.items():
+        field, value = measure.quantity
+        if field == "sql":
+            measures[name] = Measure(measure.unit, value)
+            continue
+        of_condition = field in FURTHER
+        *units, meaning = FURTHER[field if of_condition else value]
+        measures[name] = Measure(units[dimension - 2], f"{meaning} '{value}'" if of_condition else meaning)
+    return measures
 
 
 UNITS = {f"material.{name}": declared.unit for name, declared in DECLARED.items()} | {

@@ -5,12 +5,13 @@ from __future__ import annotations
 import threading
 import time
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 from pdsolve.results import BusyError, Results, ResultsError, StateKind, WriteError, state_of
 from pdsolve.run.simulation import resume, simulate
-from pdsolve.study.description import Case
+from pdsolve.study.description import Case, RunMeasure
 from pdsolve.study.recovered_runs import provenance
 from pdsolve.study.run_measures import compute_run_measures
 from pdsolve.study.run_model import model_of_run, options
@@ -32,6 +33,7 @@ class Task(NamedTuple):
     trust: bool = False
     digest: str = ""  # of the drawing
     again: bool = False  # it has failed before
+    measures: Mapping[str, RunMeasure] = {}  # further ones
 
 
 class Outcome(NamedTuple):
@@ -48,7 +50,7 @@ def solve_and_measure(task: Task) -> Outcome:
         warnings.simplefilter("ignore")
         try:
             with _open_results_when_free(task) as results:
-                return Outcome(task.number, compute_run_measures(results))
+                return Outcome(task.number, compute_run_measures(results, task.measures))
         except Exception as error:  # of any kind: it is this run's, the others go on
             said = str(error) if isinstance(error, ValueError | OSError) else f"{type(error).__name__}: {error}"
             return Outcome(task.number, None, " ".join(said.split()))

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import sqlite3
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from pdsolve.measures.bond_pairs import largest_displacement, largest_stretch
 from pdsolve.measures.crack_summary import CrackPathSummary, crack
-from pdsolve.results import Results
+from pdsolve.measures.fatigue import cycles_after_steps
+from pdsolve.measures.forces import read_condition_force_histories, select_condition_force_histories
+from pdsolve.measures.stress_intensities import follow_tip_intensities
+from pdsolve.results import Results, ResultsError
+from pdsolve.study.description import RunMeasure
 from pdsolve.study.measure_columns import measures_of
 
 
-def compute_run_measures(results: Results) -> dict[str, float | None]:
-    """Measures of a finished run; None for events that did not happen. Raises ResultsError."""
+def compute_run_measures(results: Results, further: Mapping[str, RunMeasure] = {}) -> dict[str, float | None]:
+    """Measures of a finished run, and those `further` ones, by name; None for events that did not happen.
+
+    Raises ResultsError.
+    """
     summary, names = results.summary(), measures_of(results.dimension)
     measures: dict[str, Any] = {name: summary.get(name) for name in names}
     measures |= summary["energy"]
@@ -24,6 +34,7 @@ def compute_run_measures(results: Results) -> dict[str, float | None]:
     elif len(steps := results.breaks().step):
         measures["first_break"] = int(steps.min()) * summary["time_step"]
     values = {name: measures.get(name) for name in names}
+    values |= {name: _further_measure(results, name, measure) for name, measure in further.items()}
     return {name: None if value is None or not math.isfinite(value) else value for name, value in values.items()}
 
 
@@ -48,3 +59,33 @@ def _crack_measures(summary: CrackPathSummary) -> dict[str, Any]:
         "spent": float(np.median(spent)) if len(spent) else None,
         "pieces": len(summary.fragments.pieces),
     }
+
+
+def _further_measure(results: Results, name: str, measure: RunMeasure) -> float | None:
+    """The value of a measure that the study describes. Raises ResultsError."""
+    field, value = measure.quantity
+    try:
+        if field == "sql":
+            row = results.connection.execute(value).fetchone()
+            return None if row is None or row[0] is None else float(row[0])
+        if field == "cycles":
+            total = float(cycles_after_steps(results)[-1])
+            return total if value == "total" else results.summary().get("first_break")
+        if field == "intensity":
+            return _last_intensity(results, value)
+        (history,) = select_condition_force_histories(read_condition_force_histories(results), [value])
+        force = history.force[:, history.main_axis]
+        peak = int(np.abs(force).argmax())
+        return float(force[peak] if field == "peak_force" else history.displacement[peak, history.main_axis])
+    except (ResultsError, sqlite3.Error, ValueError, TypeError) as error:
+        raise ResultsError(f"$.measures.{name}: {error}") from None
+
+
+def _last_intensity(results: Results, name: str) -> float | None:
+    """J, K1, K2 or T of the first tip in the last of the frames in which a tip has room; None if none has."""
+    for step in reversed(results.frames()[0].tolist()):
+        with contextlib.suppress(ResultsError):  # `pdpost sif` says why
+            value = follow_tip_intensities(results, [step])[0].value[name][0]
+            if np.isfinite(value):
+                return float(value)
+    return None

@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import sqlite3
 import warnings
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,10 +27,13 @@ from pdmesh.model.neighbours import connected
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.possible import impossible
 from pdmesh.model.settings_overlay import overlaid
+from pdmesh.model.suggestions import called
 from pdmesh.model.unused_settings import in_vain
 from pdsolve.estimate import Plan, estimate_run
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
+from pdsolve.results.opening import connect
+from pdsolve.results.schema import statements
 from pdsolve.study.description import Case, Repeat, Study, StudyError
 
 NEAR = 1e-6  # of a spacing: an end this near to the edge of the plate is on it
@@ -129,14 +134,21 @@ def options(case: Case, threads: int = 1) -> Options:
 
 
 def plan_distinct_runs(study: Study, trust: bool = False) -> list[tuple[Case, int, Plan]]:
-    """The first case of each distinct run (disturbances aside), how many cases share it, and its plan.
+    """The first case of each distinct run, how many cases share it, and its plan.
+
+    Runs that differ in disturbances and random parameters alone are one.
 
     Raises StudyError, SceneError, GridError, ModelError.
     """
     check_study_and_return_dimension(study, trust)
     alike: dict[str, list[Case]] = {}
+    random = {name for _, name, _ in study.description.random.named()}
     for case in study.cases():
-        alike.setdefault(dataclasses.replace(case, repetition=0).key, []).append(case)
+        drawing, model = (
+            {name: value for name, value in named.items() if name not in random} for named in (case.drawing, case.model)
+        )
+        common = dataclasses.replace(case, drawing=drawing, model=model, repetition=0)
+        alike.setdefault(common.key, []).append(case)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # the solver warns when it solves
         return [
@@ -148,7 +160,8 @@ def plan_distinct_runs(study: Study, trust: bool = False) -> list[tuple[Case, in
 def check_study_and_return_dimension(study: Study, trust: bool = False) -> int:
     """The dimension, 2 or 3, of the study's plates or bodies.
 
-    Raises StudyError for a parameter that neither drawing nor model uses, and for a program as drawing without `trust`.
+    Raises StudyError for a parameter that neither drawing nor model uses, for a measure that no run can have, and for a
+    program as drawing without `trust`.
     """
     cases = study.cases()
     for case in {tuple(case.values): case for case in cases}.values():
@@ -162,12 +175,43 @@ def check_study_and_return_dimension(study: Study, trust: bool = False) -> int:
             raise StudyError(f"{study.path}: {error}") from None
     for case in cases[:LOOKED_AT]:
         try:
-            return _dimension(study.drawing, case, trust)
+            dimension = _dimension(study.drawing, case, trust)
+            _check_measures(study, case, dimension, trust)
+            return dimension
         except UntrustedError as error:
             raise StudyError(f"{study.path}: $.drawing: {error}") from None
-        except (SceneError, GridError, OSError):
+        except (SceneError, GridError, ModelError, OSError):
             continue  # what is wrong is said of each run
     return 2
+
+
+def _check_measures(study: Study, case: Case, dimension: int, trust: bool) -> None:
+    """Raise StudyError for a condition that the model of a case lacks, and for a query that is none of a database.
+
+    Raises SceneError, GridError, ModelError for a model that cannot be built.
+    """
+    names: list[str] = []
+    for name, measure in study.description.measures.items():
+        field, value = measure.quantity
+        if field == "sql":
+            try:
+                with closing(connect(None)) as connection:
+                    connection.executescript(";".join(statements(dimension)))
+                    connection.execute(f"EXPLAIN {value}")
+            except sqlite3.Error as error:
+                raise StudyError(
+                    f"{study.path}: $.measures.{name}.sql: {error} (pdpost sql lists the tables)"
+                ) from None
+        elif field in ("peak_force", "displacement_at_peak"):
+            if not names:
+                settings = model_of_run(study.drawing, replace(case, repetition=0), trust).settings
+                names = [called(condition.name, number) for number, condition in enumerate(settings.conditions)]
+                names += [cell.name for cell in settings.run.load_cells]
+            if value not in names:
+                raise StudyError(
+                    f"{study.path}: $.measures.{name}.{field}: there is no condition '{value}'; use one of"
+                    f" {', '.join(names) or 'a model with conditions'}"
+                )
 
 
 def _dimension(drawing: Path, case: Case, trust: bool) -> int:

@@ -189,7 +189,7 @@ class Table:
             if stored_mark != mark:
                 raise StudyError(f"{table.path} has runs of another {study.drawing}; use --force to begin anew")
             about = {"program": version, "study": study.text, "drawing": str(study.drawing), "drawing_sha256": mark}
-            about["varied"] = json.dumps(study.varied)
+            about |= {"varied": json.dumps(study.varied), "random": json.dumps(study.random)}
             table.connection.executemany("INSERT OR REPLACE INTO study VALUES (?, ?)", list(about.items()))
             seal(table.connection)
         return table

@@ -14,6 +14,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from unittest.mock import Mock
 
+import numpy as np
 import pytest
 from messages import mentions, naming
 from plates import plate, square_grid
@@ -26,8 +27,9 @@ from pdpost.figures.study_figure import study
 from pdpost.reading.scatter import choose_measures_and_parameter
 from pdpost.reading.studies import Read
 from pdsolve.__main__ import main
+from pdsolve.measures.forces import read_condition_force_histories
 from pdsolve.model import ModelError
-from pdsolve.results import ResultsError, writing_to
+from pdsolve.results import Results, ResultsError, writing_to
 from pdsolve.study import dispatch, one_run, workers
 from pdsolve.study.description import Case, read_study
 from pdsolve.study.one_run import Outcome, Task
@@ -125,6 +127,54 @@ def test_each_run_has_a_row_and_failures_are_kept_and_listed(
     assert mentions(said[0], "$.horizon.ratio", found=("1", "conical"))
     assert main(["study", "study.toml", "-q"]) == 1
     assert capsys.readouterr() == ("", captured.err)  # a failure is always said
+
+
+MEASURES = """
+[measures]
+peak = {peak_force = "condition 0"}
+up = {displacement_at_peak = "condition 0"}
+most = {sql = "SELECT max(strain) FROM history", unit = "J/m"}
+K1 = {intensity = "K1"}
+"""
+
+
+@pytest.mark.slow
+def test_finished_runs_are_measured_anew_where_a_study_asks_for_more(
+    solved: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = {path.name: path.read_bytes() for path in Path("study.runs").iterdir()}
+    Path("study.toml").write_text(STUDY + MEASURES)
+    monkeypatch.setattr(dispatch, "_solve_tasks", in_this_process)
+    assert main(["study", "study.toml", "-q"]) == 1  # runs that failed stay failed
+    assert {path.name: path.read_bytes() for path in Path("study.runs").iterdir()} == before
+    for row in rows(solved):
+        if row["status"] == "failed":
+            continue
+        with Results.open(Path(row["file"])) as results:
+            history = results.history()
+            (first, _) = read_condition_force_histories(results)
+        at = np.abs(first.force[:, 1]).argmax()
+        assert (row["peak"], row["up"]) == (first.force[at, 1], first.displacement[at, 1])
+        assert row["most"] == history["strain"].max()
+        assert row["K1"] is None  # cracks are through: no tip has room
+
+
+@pytest.mark.parametrize(
+    ("measure", "words"),
+    [
+        ('peak_force = "top"', ("there is no condition 'top'", "condition 0, condition 1")),
+        ('sql = "SELECT strain FROM nowhere"', ("no such table: nowhere", "pdpost sql")),
+    ],
+)
+def test_a_measure_that_no_run_has_is_refused_before_any_is_solved(
+    here: Path, capsys: pytest.CaptureFixture[str], measure: str, words: tuple[str, ...]
+) -> None:
+    small(here)
+    Path("study.toml").write_text(f'drawing = "plate.json"\n[measures]\nmine = {{{measure}}}\n')
+    assert main(["study", "study.toml"]) == 2
+    said = capsys.readouterr().err
+    assert all(word in said for word in ("$.measures.mine", *words)), said
+    assert not Path("study.sqlite").exists()
 
 
 @pytest.mark.slow

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 from messages import naming
 
@@ -110,3 +111,64 @@ def test_a_drawing_that_is_missing_is_refused(tmp_path: Path) -> None:
         read_study(tmp_path / "study.toml")
     with pytest.raises(StudyError, match=naming("other.toml", "there is no such file")):
         read_study(tmp_path / "other.toml")
+
+
+RANDOM = """
+[repeat]
+times = 1000
+seed = 3
+[random.drawing]
+length = {weibull = [2.0, 8.0]}
+[random.model]
+material.E = {normal = [70e9, 7e9]}
+material.G0.lognormal = [100, 0.2]
+run.damping = {uniform = [1, 3]}
+"""
+
+
+def test_random_parameters_are_drawn_for_each_repetition(tmp_path: Path) -> None:
+    found = study(tmp_path, RANDOM)
+    cases = found.cases()
+    drawn = {name: np.array([case.values[name] for case in cases]) for name in found.random}
+    assert list(drawn) == ["drawing length", "material.E", "material.G0", "run.damping"]
+    assert found.varied == []  # they are no series
+    E, G0, damping, length = (drawn[name] for name in ("material.E", "material.G0", "run.damping", "drawing length"))
+    assert E.mean() == pytest.approx(70e9, rel=0.01)  # the standard error is 3e-3
+    assert E.std() == pytest.approx(7e9, rel=0.08)
+    assert np.median(G0) == pytest.approx(100, rel=0.03)
+    assert np.log(G0).std() == pytest.approx(0.2, rel=0.08)
+    assert 1 <= damping.min() < 1.01
+    assert 2.99 < damping.max() <= 3
+    assert length.mean() == pytest.approx(2 * 0.94174, rel=0.015)  # 2 gamma(1 + 1/8)
+    assert abs(np.corrcoef([E, G0, damping, length]) - np.eye(4)).max() < 0.12
+
+
+def test_another_random_parameter_changes_no_draw(tmp_path: Path) -> None:
+    text = "[repeat]\ntimes = 3\n[random.model]\nmaterial.E = {uniform = [1, 2]}\n"
+    alone = [row["material.E"] for row in values(study(tmp_path, text))]
+    both = [row["material.E"] for row in values(study(tmp_path, f"{text}material.G0 = {{uniform = [1, 2]}}"))]
+    assert alone == both
+    assert len(set(alone)) == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[measures]\npeak = {}", ("$.measures.peak", "peak_force")),
+        ("[measures]\npeak = {peak_force = 'a', sql = 'SELECT 1'}", ("$.measures.peak", "2 quantities")),
+        ("[measures]\nWork = {sql = 'SELECT 1'}", ("$.measures.Work", "another name")),
+        ("[measures]\npeak = {cycles = 'total', unit = 'm'}", ("$.measures.peak.unit", "cycles")),
+        ("[measures]\npeak = {cycles = 'all'}", ("cycles", "total")),
+        ("[random.model]\nmaterial.E = {normal = [1, 0]}", ("material.E", "above 0")),
+        ("[random.model]\nmaterial.E = {uniform = [2, 1]}", ("material.E", "smaller number first")),
+        ("[random.model]\nmaterial.E = {uniform = [2, inf]}", ("material.E", "finite")),
+        ("[random.model]\nmaterial.E = {normal = [1, 2], uniform = [1, 2]}", ("material.E", "2 distributions")),
+        ("[vary.model]\nmaterial.E = [1]\n[random.model]\nmaterial.E = {normal = [1, 2]}", ("material.E", "$.vary")),
+    ],
+)
+def test_measures_and_distributions_that_are_none_are_refused(
+    tmp_path: Path, text: str, words: tuple[str, ...]
+) -> None:
+    with pytest.raises(StudyError) as error:
+        study(tmp_path, text)
+    assert all(word in str(error.value) for word in words), error.value

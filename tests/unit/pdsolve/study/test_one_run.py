@@ -23,7 +23,7 @@ from pdsolve.study.recovered_runs import provenance
 @pytest.fixture
 def task(probed: Model, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Task:
     """A run of the small plate, whose measures are none."""
-    monkeypatch.setattr(one_run, "compute_run_measures", lambda results: {})
+    monkeypatch.setattr(one_run, "compute_run_measures", lambda results, further: {})
     (tmp_path / "plate.json").write_text(probed.to_json())
     return Task(1, tmp_path / "plate.json", Case({}, {}, {}), tmp_path / "0001.sqlite", digest="abc")
 
