@@ -106,7 +106,7 @@ def _solved(deck: Deck) -> Generator[Run | None, None, None]:
     """One run, which waits after each look; the last one yields what it came to."""
     model = deck.model()
     system, state = prepare(model, Options(threads=1))
-    steps, cpu, begins = model.settings.run.steps, 0.0, system.moving_zone_operator.zone_summary().fine_share  # type: ignore[union-attr]
+    steps, cpu, begins = model.settings.run.steps, 0.0, system.moving_zone_operator.engine.zone_summary().fine_share  # type: ignore[union-attr]
     looks: list[tuple[float, float, float]] = []
     for look in range(LOOKS):
         began = time.thread_time()
@@ -121,7 +121,7 @@ def _solved(deck: Deck) -> Generator[Run | None, None, None]:
         if look < LOOKS - 1:
             yield None
     at, near, top = np.array(looks).T
-    zone, grid = system.moving_zone_operator.zone_summary(), system.model.grid  # type: ignore[union-attr]
+    zone, grid = system.moving_zone_operator.engine.zone_summary(), system.model.grid  # type: ignore[union-attr]
     yield Run(
         deck, cpu, begins, at, near, ledger.balance_error(system.initial_energy), top, zone.fine_share,
         zone.clipped_stretch, grid.position, grid.delta, compute_node_damage(system),

@@ -49,7 +49,7 @@ class TwoLatticeEngine(Protocol):
         """Restore a checkpoint."""
 
     def zone_summary(self) -> ZoneSummary:
-        """Summary of the fine zone."""
+        """Summary of the fine zone; with collocation its stretch is that of coarse pairs."""
 
     def bytes(self) -> int:
         """The memory of the nodes' arrays, bytes."""
@@ -176,10 +176,6 @@ class TwoLatticeOperator(ABC, Generic[N]):
     def fields(self, state: State) -> dict[str, NDArray[np.float64]]:
         """Empty: the two lattices store no fields besides their displacements."""
         return {}
-
-    def zone_summary(self) -> ZoneSummary:
-        """Summary of the fine zone; with collocation its stretch is that of coarse pairs."""
-        return self.engine.zone_summary()
 
     def bytes(self) -> int:
         """The memory of all arrays, bytes."""

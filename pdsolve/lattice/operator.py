@@ -331,35 +331,32 @@ class TileLattice(LatticeOperator):
     def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities (n, w), N/m^3, to `out`; bonds over their limit break in this `step`, `dt` s long."""
         with self.breaking:
-            self._add(state, out, step, dt)
+            self.place_displacements(state.value)
+            broken_by_tile: list[tuple[int, Breaks]] = []  # first tile of a sum, and the bonds that broke in it
+            waiting: list[int] = []  # tiles whose bonds soften for the first time
+            room = ROOM * ROW * len(self.tiles.offsets)
 
-    def _add(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
-        self.place_displacements(state.value)
-        broken_by_tile: list[tuple[int, Breaks]] = []  # first tile of a sum, and the bonds that broke in it
-        waiting: list[int] = []  # tiles whose bonds soften for the first time
-        room = ROOM * ROW * len(self.tiles.offsets)
+            def work(first: int, last: int) -> None:
+                breaks = room_for(room)
+                of_state = state.rate, dt, step, out, state.dissipated
+                while first < last:
+                    begin, breaks.used[0] = first, 0
+                    first = sum_tiles(self.tiles, self.u[0], *of_state, breaks, first, last)
+                    if breaks.used[0]:
+                        broken_by_tile.append((begin, copy_breaks(breaks)))
+                    elif first == begin:
+                        waiting.append(first)
+                        first += 1
 
-        def work(first: int, last: int) -> None:
-            breaks = room_for(room)
-            of_state = state.rate, dt, step, out, state.dissipated
-            while first < last:
-                begin, breaks.used[0] = first, 0
-                first = sum_tiles(self.tiles, self.u[0], *of_state, breaks, first, last)
-                if breaks.used[0]:
-                    broken_by_tile.append((begin, copy_breaks(breaks)))
-                elif first == begin:
-                    waiting.append(first)
-                    first += 1
-
-        pull_all_again(self.tiles, self.u[0], state.rate, dt, step, self.pending, out)
-        self._share(work)
-        if waiting:
-            self.extend(np.array(sorted(waiting)))
-            for tile in sorted(waiting):
-                work(tile, tile + 1)
-        self.drop_pending_before(step)
-        if broken_by_tile:
-            self.take_out(join_breaks([breaks for _, breaks in sorted(broken_by_tile, key=lambda one: one[0])]))
+            pull_all_again(self.tiles, self.u[0], state.rate, dt, step, self.pending, out)
+            self._share(work)
+            if waiting:
+                self.extend(np.array(sorted(waiting)))
+                for tile in sorted(waiting):
+                    work(tile, tile + 1)
+            self.drop_pending_before(step)
+            if broken_by_tile:
+                self.take_out(join_breaks([breaks for _, breaks in sorted(broken_by_tile, key=lambda one: one[0])]))
 
     def extend(self, tile_numbers: NDArray[np.int64]) -> None:
         """Give tiles (s,) whose bonds soften a memory."""

@@ -215,9 +215,11 @@ class EnergyAccounts:
             self._find_monitored_nodes()
         self.evaluate(step)
         team, time, finite = self._team, self.last.time, all(report.values_are_finite for report in self._reports)
-        if self._is_unstable(self.last, finite):
+        most = max(self._largest_work, self._heat_energy)
+        created = _ratio_of_energy_to_supplied(self._system, self.last, most)
+        finite_energy = finite and np.isfinite(self.last.kinetic + self.last.strain)
+        if not (finite_energy and created <= RUNAWAY):  # energy is made, or values are no numbers
             _, node = max(team.everywhere(find_fastest_local_node, finite), key=itemgetter(0))  # the first of them
-            most = max(self._largest_work, self._heat_energy)
             raise UnstableError(instability_message(self._system, self.last, most, node))
         self._largest_work = max(self._largest_work, abs(self.last.work))
         self._check_motion(step)
@@ -243,11 +245,6 @@ class EnergyAccounts:
             if text is not None:
                 checks.warn_of_inverted_triangle(text, step)
         checks.warn_of_imprecise_displacements(extent, step)
-
-    def _is_unstable(self, balance_row: EnergyBalanceRow, values_are_finite: bool) -> bool:
-        """Whether energy is created, or values are not `values_are_finite`."""
-        created = _ratio_of_energy_to_supplied(self._system, balance_row, max(self._largest_work, self._heat_energy))
-        return not (values_are_finite and np.isfinite(balance_row.kinetic + balance_row.strain) and created <= RUNAWAY)
 
     def move_rows_into(self, frame: FrameRecord) -> FrameRecord:
         """The frame with the records since the last one."""

@@ -261,7 +261,7 @@ class MovingZone(Regridder):
 
     def zone_summary(self, system: System) -> ZoneSummary | None:
         """Summary of the fine zone."""
-        return None if system.moving_zone_operator is None else system.moving_zone_operator.zone_summary()
+        return None if system.moving_zone_operator is None else system.moving_zone_operator.engine.zone_summary()
 
 
 class GrowingCracks(Regridder):

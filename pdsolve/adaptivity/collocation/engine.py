@@ -66,6 +66,7 @@ class CollocationEngine:
     ) -> None:
         """`is_active` (places,) are the active coarse nodes at the start; entries of `drive` refer to places."""
         self.plate, self.lattice, self.drive, self.settings = plate, lattice, drive, settings
+        self.time_step = float(lattice.dt)  # s
         motion, rho = aligned(np.zeros((3, 2, len(is_active)))), np.full(len(is_active), lattice.rho)
         self.state = State(*(field.T for field in motion), *np.zeros((3, len(rho))))  # by places
         self.zone, self.damping = create_collocation_zone(plate, self.state), np.zeros(len(rho))
@@ -98,11 +99,6 @@ class CollocationEngine:
             self._refine_or_raise_if_over_limit(step)
         sum_coarse_forces(self.lattice, self.zone)
         add_force_densities(self.zone.f, self.active_places, out)
-
-    @property
-    def time_step(self) -> float:
-        """The step, s."""
-        return float(self.lattice.dt)
 
     def sum_forces_and_break_bonds(self, step: int, dt: float) -> None:
         """Sum the forces at the current displacements, without loads; bonds over their limit break in this step.

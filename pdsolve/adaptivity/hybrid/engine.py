@@ -74,12 +74,8 @@ class HybridEngine:
         """Cells of `zone` are those of the start."""
         self.plate, self.lattice, self.zone, self.drive, self.displacement_buffer_index = plate, lattice, zone, drive, 0
         self._squares = count_node_squares_in_cells(plate)
+        self.time_step = float(lattice.dt)  # s
         self._whole, self._fine = int(self._squares.sum()), (-1, 0)  # squares in all cells; in fine ones, since when
-
-    @property
-    def time_step(self) -> float:
-        """The step, s."""
-        return float(self.lattice.dt)
 
     def initialize_motion_and_forces(self, velocity: NDArray[np.float64] | None) -> None:
         """Number the zone, set the velocities (n, 2), m/s, of all nodes, None: 0, and compute the forces."""

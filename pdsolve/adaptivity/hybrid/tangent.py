@@ -12,7 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron, vstack
 
-from pdsolve.adaptivity.hybrid.arrays import LatticeNodes
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.operators.tangent import of_followers
@@ -117,7 +116,11 @@ def _springs_of_lattices_and_pieces(
         (zone.far, points.point_at_coarsest_place, lattice.coarsest_spring_table, lattice.coarsest_neighbour_offsets),
     ):
         places, uses_green_strain = np.flatnonzero(point_at >= 0), nodes is not zone.fine
-        node, k, stiffness = _list_springs(nodes, places, table)
+        row = nodes.stiffness_index_of_row[places // ROW].astype(np.int64)
+        of_rows = nodes.row_stiffness[np.maximum(row, 0), :, places % ROW]
+        of_places = np.where(row[:, None] < 0, table[:, 5], of_rows)  # N/m^2, of all springs of each node
+        node, k = np.nonzero(of_places)
+        stiffness = of_places[node, k]
         source, target, xi = point_at[places[node]], point_at[places[node] + offsets[k]], table[k, :2]
         stiffness = stiffness if uses_green_strain else stiffness * np.sqrt((xi**2).sum(axis=1))
         yield SpringsBetweenPoints(source, target, xi, stiffness, uses_green_strain)
@@ -125,13 +128,3 @@ def _springs_of_lattices_and_pieces(
     piece_xi = np.column_stack([piece["xi_x"], piece["xi_y"]])
     for near, far, sign in ((first, second, 1.0), (second, first, -1.0)):
         yield SpringsBetweenPoints(near, far, sign * piece_xi, piece["stiffness"], True)
-
-
-def _list_springs(
-    nodes: LatticeNodes, places: NDArray[np.int64], table: NDArray[np.float64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Springs of the nodes of a lattice: index of each one's place, index in the `table`, and stiffness, N/m^2."""
-    entry = nodes.stiffness_index_of_row[places // ROW].astype(np.int64)
-    stiffness = np.where(entry[:, None] < 0, table[:, 5], nodes.row_stiffness[np.maximum(entry, 0), :, places % ROW])
-    node, k = np.nonzero(stiffness)
-    return node, k, stiffness[node, k]

@@ -424,18 +424,16 @@ class BodyEngine(SwellingBody):
         step = first_step
         while step < end_step:
             if (step - 1) % EVERY == 0:
-                self._refine(step - 1)
+                new = self.mark_new_fine_cells(step - 1 - EVERY)
+                if len(new):
+                    self.refine_cells(new)
             until = min(end_step, (step - 1) // EVERY * EVERY + EVERY + 1)
-            self._sweep(SweepRange(step, until, 0, False))
+            if self._marches is None:
+                self._marches = self._march_of(self.zone_drive, self.damping)
+            self._sweep_with(self._marches, SweepRange(step, until, 0, False), self.state, self.time_step)
+            for march, mask in zip(self._marches, self.is_current(self.drive.holds.node), strict=True):
+                self.held_force[mask] = march.drive_of_lanes.held_force
             step, self.time = until, (until - 1) * self.time_step
-
-    def _sweep(self, sweeps: SweepRange) -> None:
-        """Do the sweeps of a sequence of steps."""
-        if self._marches is None:
-            self._marches = self._march_of(self.zone_drive, self.damping)
-        self._sweep_with(self._marches, sweeps, self.state, self.time_step)
-        for march, mask in zip(self._marches, self.is_current(self.drive.holds.node), strict=True):
-            self.held_force[mask] = march.drive_of_lanes.held_force
 
     def sum_forces_and_break_bonds(self, step: int, dt: float) -> None:
         """Sum the forces of bonds and of springs to the ground; bonds over their limit break in this step.
@@ -516,12 +514,6 @@ class BodyEngine(SwellingBody):
         near = np.unique(np.concatenate([torn, hot_sites[:count], softened[which] * ROW + lane]))
         new = np.zeros(np.count_nonzero(self.cell_kinds == COARSE), dtype=np.int64)
         return new[: refine_cells_within_radius(numbering, self.cell_kinds, near, AHEAD, new)]
-
-    def _refine(self, step: int) -> None:
-        """Make cells fine where they are to be after a step."""
-        new = self.mark_new_fine_cells(step - EVERY)
-        if len(new):
-            self.refine_cells(new)
 
     def refine_cells(self, new: NDArray[np.int64]) -> None:
         """Derive what follows from cells, by their places (k,), that are marked as fine.

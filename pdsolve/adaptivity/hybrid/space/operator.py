@@ -57,17 +57,12 @@ class HybridBodyOperator(TwoLatticeOperator[BodyEngine]):
             # bonds and springs of these nodes, and bonds that have broken before
             self._bits, self._spring_bits = engine.fine.tiles.bits.copy(), engine.coarse.tiles.bits.copy()
             self._broken_before = self.broken()
-        self._count_bonds()
-
-    def _count_bonds(self) -> None:
-        """Count the bonds of nodes at the start."""
-        fine, coarse = self.engine.fine.tiles, self.engine.coarse.tiles
-        count = count_bonds_of_sites(self.places, self._row, fine.offsets, self._bits)
+        count = count_bonds_of_sites(self.places, self._row, engine.fine.tiles.offsets, self._bits)
         count += np.bincount(self._broken_before.source, minlength=len(count))
-        of_springs = self._coarse_sites, self._spring_row, coarse.offsets, self._spring_bits
+        of_springs = self._coarse_sites, self._spring_row, engine.coarse.tiles.offsets, self._spring_bits
         count[self._coarse] += count_bonds_of_sites(*of_springs)
         family = count.copy()
-        family[self._fine] += self.engine.full_body.precrack_cut_counts_of_places[self.grid_rows[self._fine]]
+        family[self._fine] += engine.full_body.precrack_cut_counts_of_places[self.grid_rows[self._fine]]
         self.initial_bond_counts_and_family_sizes = count, family
 
     @property
