@@ -61,6 +61,11 @@ class FractureParameters(NamedTuple):
     K2: float
     T: float  # Pa
 
+    @property
+    def angle(self) -> float:
+        """Predicted angle of growth, degrees, positive to the left; NaN without stress intensities."""
+        return kink(self.K1, self.K2)
+
 
 def kink(K1: float, K2: float) -> float:
     """The angle, degrees, of the largest hoop stress ahead of a tip, positive to the left of its direction.

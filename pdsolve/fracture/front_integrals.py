@@ -27,7 +27,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdsolve.fracture.domain_integrals import SampledMotion
+from pdsolve.fracture.domain_integrals import SampledMotion, kink
 from pdsolve.fracture.fields import Elastic, FrontField, front_field
 
 AT_FRONT = 1e-9  # of a tube: a node this near to the front does not count, where the other fields are infinite
@@ -70,6 +70,11 @@ class FrontParameters(NamedTuple):
     K1: float  # Pa m^0.5
     K2: float
     K3: float
+
+    @property
+    def angle(self) -> float:
+        """Predicted angle of growth across the front, degrees, positive towards the normal; NaN without intensities."""
+        return kink(self.K1, self.K2)
 
 
 class _Around(NamedTuple):

@@ -56,6 +56,7 @@ def test_a_field_of_known_intensities(plate: Elastic, turned: float) -> None:
     found = integrals(at, tip, back[:, 0], Ring(0.3, 0.9), plate)
     off = np.array([found.K1 - K1, found.K2 - K2, found.T - T, found.J * plate.effective_modulus / (K1**2 + K2**2) - 1])
     assert np.abs(off).max() < 2e-4  # measured 7e-5, 3e-5, 1.1e-4, 6e-5
+    assert found.angle == kink(found.K1, found.K2)
 
 
 @pytest.mark.parametrize(
