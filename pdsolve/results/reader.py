@@ -360,6 +360,40 @@ class Results:
             names = [row[0] for row in rows]
         return [name for name in UNITS if name in names]
 
+    def frame(self, step: int | None = None) -> dict[str, NDArray[Any]]:
+        """All nodes and fields of a frame, as columns by name: ``pandas.DataFrame(results.frame())`` takes them.
+
+        Parameters
+        ----------
+        step : int, optional
+            The step of the frame; the last one by default (`frames` lists them).
+
+        Returns
+        -------
+        dict of str to ndarray
+            ``node`` (the number), ``x``, ``y`` (``z`` in space) where the node was at the start, m, then each stored
+            field, such as ``damage`` and ``ux`` (m); n values each.
+
+        Raises
+        ------
+        ResultsError
+            If there is no frame at this step.
+
+        Examples
+        --------
+        >>> table = results.frame()  # doctest: +SKIP
+        >>> table["x"][table["damage"] > 0.3].max()  # doctest: +SKIP
+        0.0714
+        """
+        steps, _ = self.frames()
+        if step is None and len(steps):
+            step = int(steps[-1])
+        if step is None or step not in steps:
+            raise ResultsError(f"{self.name} has no frame of step {step}; use one of {steps.tolist() or 'a later run'}")
+        nodes = self.nodes(step)
+        columns = {"node": nodes.ids} | dict(zip("xyz", nodes.position.T, strict=False))
+        return columns | {name: self.field(name, step) for name in self.stored(step)}
+
     def breaks(self) -> Breaks:
         """All bonds broken so far, read once: the arrays are shared and read-only."""
         with self._tables.snapshot():

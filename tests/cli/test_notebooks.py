@@ -17,7 +17,7 @@ from pdmesh import Circle, Scene, box, build
 from pdpost import crack_table
 from pdpost.reading.studies import columns_of
 from pdsolve import Model, Watch, resume, simulate
-from pdsolve.results import Results
+from pdsolve.results import Results, ResultsError
 
 NOTEBOOKS = sorted((ROOT / "docs").rglob("*.ipynb"))
 
@@ -34,9 +34,9 @@ def test_a_notebook_runs_and_warns_of_nothing(path: Path, tmp_path: Path) -> Non
     assert any("image/png" in one.get("data", {}) for one in outputs)
 
 
-def test_the_notebooks_are_three_and_hold_no_output() -> None:
-    names = ["first_simulation_in_python", "add_material_in_python", "parameter_study_in_python"]
-    assert [path.stem for path in NOTEBOOKS] == names
+def test_the_notebooks_are_five_and_hold_no_output() -> None:
+    names = ["add_material", "load_displacement", "parameter_study", "stress_intensity"]
+    assert [path.stem for path in NOTEBOOKS] == [f"{name}_in_python" for name in ("first_simulation", *names)]
     for path in NOTEBOOKS:
         cells = json.loads(path.read_text())["cells"]
         assert not any(cell.get("outputs") or cell.get("execution_count") for cell in cells)
@@ -79,6 +79,19 @@ def test_tables_are_columns_of_arrays(small_results: Path) -> None:
     assert np.isnan(small["c"][1])
     assert "<th>b&lt;</th>" in small._repr_html_()
     assert "<td>2.5</td>" in small._repr_html_()
+
+
+def test_a_frame_is_columns_of_arrays(small_results: Path) -> None:
+    with Results.open(small_results) as results:
+        steps = results.frames()[0].tolist()
+        table, first = results.frame(), results.frame(steps[0])
+        assert list(table) == ["node", "x", "y", *results.stored(steps[-1])]
+        assert all(len(column) == 252 for column in table.values())
+        assert np.array_equal(table["damage"], results.field("damage", steps[-1]))
+        assert np.array_equal(first["ux"], results.field("ux", steps[0]))
+        assert table["damage"].max() > first["damage"].max()
+        with pytest.raises(ResultsError, match=str(steps[-1])):
+            results.frame(steps[-1] + 1)
 
 
 def test_a_run_is_stopped_and_goes_on_from_a_script(small_plate: Model, tmp_path: Path) -> None:
