@@ -37,6 +37,18 @@ INPUTS = (
     "beside",
 )  # arguments that name files to read
 OUTPUTS = ("output", "csv", "surface")
+SHELLS = ("bash", "zsh", "tcsh", "fish", "powershell")  # that completion knows
+WORDS_AND_FILES = {
+    "fish": "(__fish_complete_path (commandline -ct)) {}",
+    "zsh": "{{_files; compadd {}}}",
+    "powershell": "_words_and_files",
+}
+IN_POWERSHELL = """function _words_and_files {{
+  param([string]$WordToComplete)
+  ('{}' -split ' ') -like "$WordToComplete*"
+  _shtab_powershell_compgen_files $WordToComplete
+}}
+"""
 OF_ARGPARSE = tuple(  # its messages in our words
     (re.compile(pattern), words)
     for pattern, words in (
@@ -79,8 +91,12 @@ def _complete_files(parser: argparse.ArgumentParser, shtab: Any, shell: str) -> 
         if isinstance(action, argparse._SubParsersAction):
             for command in action.choices.values():
                 _complete_files(command, shtab, shell)
-        elif action.type is Path and action.choices and shell == "zsh":  # offers the first choice alone
-            action.complete = {shell: f"{{_files; compadd {' '.join(action.choices)}}}"}  # type: ignore[attr-defined]
+        elif action.type is Path and action.choices and shell in WORDS_AND_FILES:  # else the first choice alone
+            words = " ".join(action.choices)
+            action.complete = {  # type: ignore[attr-defined]
+                shell: WORDS_AND_FILES[shell].format(words),
+                "preamble": {"powershell": IN_POWERSHELL.format(words)},
+            }
         elif action.type is Path and action.choices:
             action.choices = [*shtab.Required.FILE, *action.choices]
         elif action.type is Path:
@@ -177,7 +193,7 @@ def program(name: str, description: str) -> Parser:
     parser.add_argument(
         "--completion",
         action=Completion,
-        choices=("bash", "zsh", "tcsh"),
+        choices=SHELLS,
         help="print a script that completes commands and options in a shell (docs/install.md)",
     )
     return parser

@@ -124,7 +124,7 @@ def test_a_library_that_cannot_be_loaded_is_told_from_one_that_is_not_there(
 
 
 @pytest.mark.parametrize("program", [main, pdsolve, pdpost])
-@pytest.mark.parametrize("shell", ["bash", "zsh", "tcsh"])
+@pytest.mark.parametrize("shell", commandline.SHELLS)
 def test_a_shell_can_complete(program, shell: str, capsys: pytest.CaptureFixture[str]) -> None:  # type: ignore[no-untyped-def]
     pytest.importorskip("shtab")
     with pytest.raises(SystemExit) as stop:
@@ -168,6 +168,33 @@ def test_bash_completes_a_command_and_a_file() -> None:
         script = f"source ./_{name}; {given}; _shtab_{name} {name}; echo ${{COMPREPLY[@]}}"
         ran = subprocess.run(["bash", "-c", script], capture_output=True, text=True, check=True)
         assert ran.stdout.split() == [found]
+
+
+@pytest.mark.process
+@pytest.mark.skipif(not shutil.which("fish"), reason="without fish")
+@pytest.mark.parametrize("completions", ["fish"], indirect=True)
+@pytest.mark.usefixtures("completions")
+def test_fish_completes_a_command_and_a_file() -> None:
+    for line, found in COMPLETED:
+        script = f"source _{line.split()[0]}; complete -C '{line}'"
+        ran = subprocess.run(["fish", "--no-config", "-c", script], capture_output=True, text=True, check=True)
+        (offered,) = ran.stdout.splitlines()
+        assert offered.split("\t")[0] == found, line
+
+
+@pytest.mark.parametrize("completions", ["powershell"], indirect=True)
+@pytest.mark.usefixtures("completions")
+def test_powershell_is_told_of_all_commands_and_files() -> None:
+    """Its script registers the programs; strings and braces of it end, as PowerShell reads them."""
+    for name, words in (("pdpost", ("'crack'", "'--along'")), ("pdsolve", ("'study'", "'--workers'"))):
+        script = Path(f"_{name}").read_text()
+        assert f"Register-ArgumentCompleter -Native -CommandName {name} " in script
+        assert all(word in script for word in words)
+        code = re.sub(r"'(?:[^'\n]|'')*'|\"(?:[^\"`]|`(?s:.))*\"|(?m:#.*$)", "", script)
+        assert not set("'\"") & set(code)
+        assert (code.count("{"), code.count("(")) == (code.count("}"), code.count(")"))
+    assert "'_shtab_pdsolve_pos_0' = '_words_and_files'" in script
+    assert "('study' -split ' ') -like" in script
 
 
 SHOW = """fpath=($PWD $fpath); autoload -Uz compinit; compinit -D -u; bindkey '^I' complete-word
