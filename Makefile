@@ -1,6 +1,6 @@
 # make demo    set up, a first picture; then a glass plate a thousand nodes across, fine near its crack alone, and its film
 # make test    set up, run the quick tests
-# make docs    build the site below site/, from docs
+# make docs    build the site below site/, from docs (VERSION=1.1.0: below site/1.1.0, with a choice of versions)
 # make package   build wheel and source, install the wheel into an empty environment, use it there
 # make pythons   the same with every Python from 3.11 to 3.14 that is found
 # make check   lint, types, import contracts, limits of files and functions
@@ -14,6 +14,7 @@
 # make materials  what can be combined, settings of materials, what bodies do not have: tables of pages
 # make forks   where a crack of particles forks, over time steps and grids: a table
 # make split   what cells that split cost against threshold and interval: docs/verification/split.png and a table
+# make wheels   which systems and Pythons have wheels of all requirements: a table
 # make bench    check what plans promise: benchmarks/planning.json
 # make bench-speed  measure the solver on all plates: benchmarks/speed.json and .png
 # make bench-quick  the same on one plate; fails where the fast kernel is too slow
@@ -31,7 +32,7 @@ TWO := -n 2 --dist worksteal # tests in two processes
 unexport PYTHONDONTWRITEBYTECODE # tests start hundreds of processes, each of which would compile all it imports
 
 .PHONY: demo test slow breadth optional thesis sources failures handbook materials forks docs split check bench bench-speed bench-quick compare \
-	mutants size places endurance install package pythons gmsh-libraries clean
+	mutants size places endurance wheels install package pythons gmsh-libraries clean
 
 # The first picture is of a plate without adaptivity: its kernels are compiled in a fifth of the time of hybrid's, which
 # a short run compiles meanwhile on another core
@@ -82,9 +83,11 @@ materials: $(VENV)/install.done
 forks: $(VENV)/install.done
 	$(BIN)/python -m benchmarks.forks
 
+VERSION :=
 # -E: pages that Sphinx does not read anew lose their words in the index of the search
 docs: $(VENV)/docs.done gmsh-libraries
-	$(BIN)/sphinx-build -E -W --keep-going -q docs site
+	$(BIN)/sphinx-build -E -W --keep-going -q $(if $(VERSION),-t versioned) docs site/$(VERSION)
+	@$(if $(VERSION),$(BIN)/python .ci/versions.py site)
 	@echo "The site: $(CURDIR)/site/index.html"
 
 split: $(VENV)/install.done
@@ -141,6 +144,9 @@ gmsh-libraries: $(VENV)/install.done
 		else \
 			echo "Gmsh needs libraries of the system; on Debian and Ubuntu: sudo $$line"; exit 2; \
 		fi; }
+
+wheels: $(VENV)/install.done
+	$(BIN)/python .ci/wheels.py
 
 bench: $(VENV)/test.done gmsh-libraries
 	$(BIN)/python -W ignore -m benchmarks.planning --check

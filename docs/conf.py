@@ -25,6 +25,8 @@ html_theme, html_title = "furo", f"pdsuite {release}"
 html_copy_source = False
 autodoc_typehints, autodoc_member_order = "description", "bysource"
 html_extra_path = ["schema"]
+if tags.has("versioned"):  # type: ignore[name-defined]  # noqa: F821
+    html_static_path, html_js_files = ["_static"], ["versions.js"]
 REDIRECTS = {  # old addresses of pages and the new ones
     "adaptivity": "verification/adaptivity",
     "add_a_law": "how_to/add_material",
