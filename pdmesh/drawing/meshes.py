@@ -161,8 +161,8 @@ def _plate(
     groups += [Group(SLIT, 1, curves=tuple(np.pad(line, ((0, 0), (0, 1))) for line in slit))] if slit else []
     scene = added(scene_of(groups, values | spacing, path.name), [], cracks)
     position, delta, areas = unit.metres(position), unit.metres(delta), unit.metres(unit.metres(areas))
-    settings = settings_of(scene, position, delta)
-    return grid_of_nodes(scene, position, delta, areas), settings, (*mesh.notes, *notes, *more, *remarks(scene))
+    grid = grid_of_nodes(scene, position, delta, areas)
+    return grid, settings_of(scene, grid), (*mesh.notes, *notes, *more, *remarks(scene))
 
 
 def _groups(
