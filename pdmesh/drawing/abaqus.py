@@ -129,7 +129,7 @@ def _surfaces(every: SetRows, blocks: list[Block], first: Rows) -> Iterator[tupl
                 name, side = [*words(text), ""][:2]
                 if not SIDE.fullmatch(side):
                     continue
-                rows = every.of_entry("element_sets", instance, (keyword, line, name))
+                rows = every.of_entry(instance, (keyword, line, name))
                 for number, block in enumerate(blocks):
                     block_rows = rows[(rows >= first[number]) & (rows < first[number + 1])] - first[number]
                     # the corners of the side of each cell: an edge of a face, a face of a solid

@@ -114,9 +114,9 @@ class SetRows:
                     )
         return self.rows_by_set[wanted]
 
-    def of_entry(self, kind: str, instance: str, entry: Entry) -> Rows:
-        """The rows of one number or name on a line of data. Raises SceneError."""
-        direct_rows, others = self._parts(SetName(instance, kind, ""), Members("", [entry]))
+    def of_entry(self, instance: str, entry: Entry) -> Rows:
+        """The rows of one element, by its number, or of a set of them, on a line of data. Raises SceneError."""
+        direct_rows, others = self._parts(SetName(instance, "element_sets", ""), Members("", [entry]))
         return _union(direct_rows, [self.named(set_name) for set_name in others])
 
     def _begin(self, name: SetName, members: Members) -> _Resolution:

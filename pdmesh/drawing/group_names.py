@@ -87,9 +87,9 @@ def meaning(
     return Meaning(places_by_kind, tuple(_notes(groups, zones, unused, kinds)))
 
 
-def picked(parameters: Parameters, folder: str, words: Sequence[str] = PICKED) -> tuple[str, ...]:
+def picked(parameters: Parameters, folder: str) -> tuple[str, ...]:
     """Which of the parameters that place a condition without a group a folder has."""
-    return tuple(word for word in words if parameters.text(f"{folder}/{word}"))
+    return tuple(word for word in PICKED if parameters.text(f"{folder}/{word}"))
 
 
 def _almost(name: str, kinds: Kinds) -> tuple[str, str, str]:

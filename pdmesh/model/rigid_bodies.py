@@ -40,7 +40,15 @@ def without_bonds(grid: Grid, settings: Settings, name: str) -> Grid:
         node_count = len(grid) if grid.bodies is None else int(np.isin(grid.bodies.number, body_numbers).sum())
         if grid.bodies is None or len(body_numbers) != 1 or node_count != len(rows) or body_numbers[0] in numbers:
             raise GridError(f"{name}: {place} has {len(rows)} nodes; give all those of one body")
-        _refuse_radius(body, grid, rows, f"{name}: {place}")
+        if body.radius is not None:  # of a surface that is about a spacing outside of the nodes
+            x, cell = grid.position[rows], grid.cells[rows]
+            far = float(np.sqrt(((x - cell @ x / cell.sum()) ** 2).sum(axis=1)).max())
+            wide = float(np.sqrt(grid.dimension) * grid.delta[rows].max())
+            if not far * (1 - OUTSIDE) <= body.radius <= far + wide:
+                raise GridError(
+                    f"{name}: {place}.radius is {body.radius:g} m; use {far:.4g} to {far + wide:.4g} m, as its nodes"
+                    f" are up to {far:.4g} m from their centre"
+                )
         # conditions that hold nodes of a rigid body
         for held_number, condition in enumerate(settings.conditions):
             if not isinstance(condition, Displacement | Velocity | Acceleration):
@@ -64,20 +72,6 @@ def contradiction(body: RigidBody, dimension: int) -> str | None:
     if not set(body.held) <= set(ways):
         return f"held has z; use {', '.join(ways)} in a plate"
     return wrong_spin(body.spin, dimension)
-
-
-def _refuse_radius(body: RigidBody, grid: Grid, rows: NDArray[np.int64], place: str) -> None:
-    """Raise GridError for a surface that is not about a spacing outside of the nodes of its body."""
-    if body.radius is None:
-        return
-    x, cell = grid.position[rows], grid.cells[rows]
-    far = float(np.sqrt(((x - cell @ x / cell.sum()) ** 2).sum(axis=1)).max())
-    wide = float(np.sqrt(grid.dimension) * grid.delta[rows].max())
-    if not far * (1 - OUTSIDE) <= body.radius <= far + wide:
-        raise GridError(
-            f"{place}.radius is {body.radius:g} m; use {far:.4g} to {far + wide:.4g} m, as its nodes are up to"
-            f" {far:.4g} m from their centre"
-        )
 
 
 def densities(grid: Grid, settings: Settings, rho: NDArray[np.float64]) -> NDArray[np.float64]:

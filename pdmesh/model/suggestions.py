@@ -145,9 +145,9 @@ def _instead(name: str, place: str, kind: type, given: Callable[[], Any]) -> str
     return f"use {listed(own)}" if own else "leave it out"
 
 
-def dotted_names(kind: type, depth: int = 3) -> list[str]:
+def dotted_names(kind: type) -> list[str]:
     """The dotted names of all settings in a struct and in those inside of it."""
-    return [".".join(path) for path, _ in leaves(inspection.type_info(kind), depth)]
+    return [".".join(path) for path, _ in leaves(inspection.type_info(kind))]
 
 
 def may_be_none(name: str, kind: type) -> bool:

@@ -105,15 +105,6 @@ class HybridPlate(NamedTuple):
             _cell_shares_along_side(self.node_counts[1])[y] * _cell_shares_along_side(self.node_counts[0])[x]
         )
 
-    @property
-    def area_shares(self) -> NDArray[np.float64]:
-        """Area (n,) of the cell of each node over h^2."""
-        if self.listed_nodes is not None:
-            return self.listed_nodes.cell_area_share
-        return np.multiply.outer(
-            _cell_shares_along_side(self.node_counts[1]), _cell_shares_along_side(self.node_counts[0])
-        ).ravel()
-
     def has_node(self, places: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Mask (k,) of the fine places with a node."""
         if self.listed_nodes is not None:

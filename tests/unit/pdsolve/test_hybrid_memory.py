@@ -89,7 +89,7 @@ def test_rows_that_are_alike_have_the_constants_of_each_node() -> None:
         )
         assert len(rows.mass) < 0.4 * len(rows.constants_row)  # measured: 0.36, most of it of the layer that absorbs
         assert node_constants_at_places(rows, rows.mass, place) == pytest.approx(
-            2235.0 * hybrid.plate.area_shares * 1e-6, rel=1e-14
+            2235.0 * hybrid.plate.area_shares_of_grid_rows(np.arange(len(place))) * 1e-6, rel=1e-14
         )
     (springs, *one), (others, *other) = found
     np.testing.assert_allclose(springs, others, atol=1e-12)  # 6e-14: nodes listed one by one have bonds of their own
