@@ -82,6 +82,7 @@ SHOWN = {
     "penny.geo": Shown("slice --field damage --plane y=0"),
     "cracking_disc.py": Shown("damage --largest 0.5"),
     "quenched_slab.py": Shown("damage --largest 0.5"),
+    "pressurized_crack.py": Shown("displacement --component y --scale auto"),
     "plastic_beam.py": Shown("plastic --scale auto"),
     "rubber_block.py": Shown("stress --scale 1"),
     "screw.geo": Shown("slice --field content --plane y=0 --time 500"),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import msgspec
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from sneddon import displacements
 
-from pdmesh import Body, Material, Run, Scene, box, build
+from pdmesh import Body, Box, Material, Run, Scene, box, build
 from pdsolve.model import Model
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
@@ -49,3 +51,25 @@ def solved(scene: Scene | Body) -> tuple[NDArray[np.float64], NDArray[np.float64
     run = prepare(Model(built.grid, built.settings), Options(threads=1))
     run.advance(1, 1 + run.system.model.settings.run.steps)
     return built.grid.position, run.state.value
+
+
+def exact_of_penny(position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Displacements (n, 3) around a penny-shaped crack in z = 0 in a body of bonds, whose Poisson's ratio is 1/4."""
+    off_axis = position + np.array([1e-9 * A, 0, 0])
+    pulled = position * np.array([-0.25, -0.25, 1.0]) / E
+    return P * (displacements(off_axis, A, E, 0.25) - pulled)
+
+
+def penny(fineness: int, half: float) -> Body:
+    """A cube of half-width `half` A with a disc of radius A, so many spacings, between its nodes."""
+    h, around = A / fineness, np.linspace(0, 2 * np.pi, 97)
+    end = half * A
+    rim = A * np.column_stack([np.cos(around), np.sin(around), 0 * around])
+    disc = np.array([(np.zeros(3), rim[k], rim[k + 1]) for k in range(96)])
+    material = msgspec.structs.replace(MATERIAL, micromodulus="constant")
+    body = Body(Box((-end, -end, -end), (end, end, end)), h, material, run=Run(solver="static"))
+    body = body.crack(disc, "disc").load("crack disc", pressure=P)
+    inner = end - GRIPPED * h
+    outside = Box((-end, -end, -end), (end, end, end)) - Box((-inner, -inner, -inner), (inner, inner, inner))
+    ways = [lambda *x, k=k: float(exact_of_penny(np.array([x]))[0, k]) for k in range(3)]
+    return body.fix(outside, *ways)

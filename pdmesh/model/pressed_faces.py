@@ -60,6 +60,16 @@ def area_vectors(corners: Array, pieces: NDArray[np.int64]) -> Array:
     return np.asarray(np.cross(way, third[0] - first) / 2)
 
 
+def rim_of(pieces: Pieces) -> NDArray[np.bool_]:
+    """Which corners (p,) are where faces end: of segments those of one, of triangles those of a side of one."""
+    d = pieces.corners.shape[1]
+    ends = np.sort(np.stack([np.roll(pieces.pieces, -at, axis=1) for at in range(d - 1)], axis=2), axis=2)
+    each, count = np.unique(ends.reshape(-1, d - 1), axis=0, return_counts=True)
+    at_rim = np.zeros(len(pieces.corners), dtype=bool)
+    at_rim[each[count == 1]] = True
+    return at_rim
+
+
 def carried(pieces: Pieces, areas: Array) -> Array:
     """What the nodes (k, d) carry of these area vectors (f, d) of the pieces, each of whose corners has as much."""
     at_corners = np.zeros(pieces.corners.shape)
@@ -146,10 +156,11 @@ def _evened(near: csr_array, size: Array, cells: Array) -> csr_array:
     Nodes begin with a part in proportion to how near they are and to their cells. Those that get more or less per cell
     than others around, as half cells at the end of an edge do, then take less or more.
     """
-    part = np.array(cells)
+    part, reached = np.array(cells), near.T @ np.ones(len(size))
+    reached = np.where(reached > 0, reached, np.inf)  # nodes that carry nothing
     for _ in range(EVENED):
         weights = near.multiply(part / (near @ part)[:, None])
         per_cell = (weights.T @ size) / cells
         around = (near @ (per_cell * cells)) / (near @ cells)
-        part *= (near.T @ around) / (near.T @ np.ones(len(size))) / per_cell
+        part *= np.where(per_cell > 0, (near.T @ around) / reached / np.maximum(per_cell, 1e-300), 1.0)
     return near.multiply(part / (near @ part)[:, None]).tocsr()

@@ -7,7 +7,8 @@ B. Freund, Int. J. Fract. 27 (1985) 229-243):
     J = sum [(s_ij u_i,x - (W + L) d_xj) q,j + rho (a_i u_i,x - v_i v_i,x) q] A
 
 The interaction integral is the part of it that is bilinear in the fields here and in a field of known K1, K2 or T (J.
-F. Yau, S. S. Wang, H. T. Corten, J. Appl. Mech. 47 (1980) 335-341). The crack faces are straight and free.
+F. Yau, S. S. Wang, H. T. Corten, J. Appl. Mech. 47 (1980) 335-341). The crack faces are straight, and free or under
+pressure (`loaded_faces`).
 
 Symbols: s stress, Pa; u displacement, m; v, a its rates; W strain energy and L kinetic energy, J/m^3; rho density; A a
 node's area, m^2; d the unit tensor.
@@ -15,12 +16,14 @@ node's area, m^2; d the unit tensor.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.fracture.fields import Elastic, TipField, intensities, pushed
+from pdsolve.fracture.loaded_faces import LoadedFaces, at_front, changes_along, closed
 
 AT_TIP = 1e-9  # of a ring: a node this near to the tip does not count, where the other fields are infinite
 
@@ -78,9 +81,17 @@ def kink(K1: float, K2: float) -> float:
 
 
 def integrals(
-    at: Sampled, tip: NDArray[np.float64], way: NDArray[np.float64], ring: Ring, plate: Elastic
+    at: Sampled,
+    tip: NDArray[np.float64],
+    way: NDArray[np.float64],
+    ring: Ring,
+    plate: Elastic,
+    faces: LoadedFaces | None = None,
 ) -> FractureParameters:
-    """Fracture parameters of the tip at a place (2,), m, with the crack arriving along the unit vector `way` (2,)."""
+    """Fracture parameters of the tip at a place (2,), m, with the crack arriving along the unit vector `way` (2,).
+
+    `faces` are those of the crack that are under pressure.
+    """
     far = np.hypot(*(at.position - tip).T)
     in_ring = (far < ring.outer) & (far > AT_TIP * ring.outer)
     rows = np.flatnonzero(in_ring & np.isfinite(at.gradient).all(axis=(1, 2)))
@@ -97,15 +108,45 @@ def integrals(
         energy = energy + density * (velocity**2).sum(axis=1) / 2
         total = total + density * q * (acceleration * along - velocity * rates[:, :, 0]).sum(axis=1)
     J = float(fields.area @ (total - energy * slope[:, 0]))
-    K1, K2, T = (
-        plate.effective_modulus * share * _between(fields, field, q, slope)
-        for field, share in (
-            (intensities(z, plate, 1.0, 0.0), 0.5),
-            (intensities(z, plate, 0.0, 1.0), 0.5),
-            (pushed(z, plate, 1.0), 1.0),
-        )
-    )
+    turned_faces = None if faces is None else _faces_behind_tip(faces, tip, turn, ring)
+    if turned_faces is not None:
+        J += _pushed_along(turned_faces, ring, turned_faces.displacement)
+
+    def interaction(field: Callable[[NDArray[np.complex128]], TipField], reach: float) -> float:
+        between = _between(fields, field(z), q, slope)
+        if turned_faces is not None:  # the displacement is `reach` times that of a constant slope from the tip
+            x, y = turned_faces.corners.reshape(-1, 2).T
+            slopes = field(x + 1j * y).slope
+            between += _pushed_along(turned_faces, ring, (reach * x[:, None] * slopes).reshape(-1, 2, 2))
+        return between
+
+    K1 = plate.effective_modulus / 2 * interaction(lambda at: intensities(at, plate, 1.0, 0.0), 2.0)
+    K2 = plate.effective_modulus / 2 * interaction(lambda at: intensities(at, plate, 0.0, 1.0), 2.0)
+    T = plate.effective_modulus * interaction(lambda at: pushed(at, plate, 1.0), 0.0)
     return FractureParameters(J, K1, K2, T)
+
+
+def _faces_behind_tip(
+    faces: LoadedFaces, tip: NDArray[np.float64], turn: NDArray[np.float64], ring: Ring
+) -> LoadedFaces | None:
+    """Pieces of faces in the crack's frame, with corners on its line, on the side of the material, in the ring."""
+    rows = np.flatnonzero(np.hypot(*(faces.middle - tip).T) < ring.outer)
+    if not len(rows):
+        return None
+    part = faces.part(rows)
+    corners, outward = (part.corners - tip) @ turn.T, part.outward @ turn.T
+    at_tip = at_front(part, np.hypot(corners[:, :, 0], corners[:, :, 1]))
+    x = np.where(at_tip, 0.0, np.minimum(corners[:, :, 0], 0.0)) - AT_TIP * ring.outer
+    y = np.where(outward[:, 1:] < 0, 1.0, -1.0) * AT_TIP * AT_TIP * ring.outer
+    places = np.stack([x, np.broadcast_to(y, x.shape)], axis=2)
+    return LoadedFaces(places, closed(part.displacement @ turn.T, at_tip), part.force @ turn.T, outward, at_tip)
+
+
+def _pushed_along(faces: LoadedFaces, ring: Ring, displacement: NDArray[np.float64]) -> float:
+    """What forces on pieces of faces add to an integral by a displacement (f, 2, 2) of their corners."""
+    along = np.tile([1.0, 0.0], (len(faces.force), 1))
+    change = changes_along(faces.corners, along, displacement)
+    return -float(((faces.force * change).sum(axis=1) * weight(faces.middle, ring)[0]).sum())
 
 
 def weight(places: NDArray[np.float64], ring: Ring) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -13,7 +13,8 @@ Gosz, B. Moran, Eng. Fract. Mech. 69 (2002) 299-319):
     M S = sum [(s_ij ua_i,k + sa_ij u_i,k - sa_mn e_mn d_jk) q_k,j
                + (s_ij (ua_i,jk - ea_ij,k) + sa_ij,j u_i,k + rho a_i ua_i,k) q_k] V
 
-All of this is in the frame of each place: growth, normal of the crack, tangent of the arc (1, 2, 3).
+All of this is in the frame of each place: growth, normal of the crack, tangent of the arc (1, 2, 3). Faces under
+pressure add what `loaded_faces` says.
 
 Symbols: s stress, Pa; u displacement, m; H its gradient; v, a its rates; e strain; W strain energy and L kinetic
 energy, J/m^3; rho density; V a node's volume, m^3; r distance from the arc, s length along it, m; c its curvature, 1/m,
@@ -29,6 +30,7 @@ from numpy.typing import NDArray
 
 from pdsolve.fracture.domain_integrals import SampledMotion, kink
 from pdsolve.fracture.fields import Elastic, FrontField, front_field
+from pdsolve.fracture.loaded_faces import LoadedFaces, at_front, changes_along, closed
 
 AT_FRONT = 1e-9  # of a tube: a node this near to the front does not count, where the other fields are infinite
 STRAIGHT = 1e-9  # of a tube's radius over that of the arc: no arc
@@ -87,8 +89,10 @@ class _Around(NamedTuple):
     at: FrontFieldSamples
 
 
-def front_integrals(at: FrontFieldSamples, front_place: FrontPlace, tube: Tube, solid: Elastic) -> FrontParameters:
-    """J and stress intensities at a point of a front; `solid` is in plane strain."""
+def front_integrals(
+    at: FrontFieldSamples, front_place: FrontPlace, tube: Tube, solid: Elastic, faces: LoadedFaces | None = None
+) -> FrontParameters:
+    """J and stress intensities at a point of a front; `solid` is in plane strain, `faces` are under pressure."""
     around = _around(at, front_place, tube)
     # J times the length of the front that q counts, J/m
     _, bend, q, slope, sampled = around
@@ -106,7 +110,35 @@ def front_integrals(at: FrontFieldSamples, front_place: FrontPlace, tube: Tube, 
         factor * _between(around, front_field(around.z, solid, *mode)) / tube.half
         for mode, factor in zip(UNITS.tolist(), factors, strict=True)
     )
-    return FrontParameters(J, K1, K2, K3)
+    if faces is None:
+        return FrontParameters(J, K1, K2, K3)
+    of_J, *of_K = (value / tube.half for value in _pushed(faces, front_place, tube, solid))
+    K1, K2, K3 = (K + factor * more for K, factor, more in zip((K1, K2, K3), factors, of_K, strict=True))
+    return FrontParameters(J + of_J, K1, K2, K3)
+
+
+def _pushed(faces: LoadedFaces, front_place: FrontPlace, tube: Tube, solid: Elastic) -> tuple[float, ...]:
+    """What pressure on faces adds to J and to the interaction integrals with modes 1, 2 and 3, times the length that q
+    counts."""
+    x, y, s, _ = across(faces.middle, front_place)
+    rows = np.flatnonzero((np.hypot(x, y) < tube.outer) & (np.abs(s) < tube.half))
+    if not len(rows):
+        return 0.0, 0.0, 0.0, 0.0
+    faces, x, y, s = faces.part(rows), x[rows], y[rows], s[rows]
+    q = _step((np.hypot(x, y) - tube.inner) / (tube.outer - tube.inner))[0] * _step(np.abs(s) / tube.half)[0]
+    turn = np.einsum("nab,bc->nac", _turned(faces.middle, front_place), front_place.frame)
+    force = np.einsum("fab,fb->fa", turn, faces.force)
+    out, up, _, _ = (values.reshape(-1, 3) for values in across(faces.corners.reshape(-1, 3), front_place))
+    together = at_front(faces, np.hypot(out, up))
+    displacement = closed(np.einsum("fab,fcb->fca", turn, faces.displacement), together)
+    below = np.einsum("fa,fa->f", turn[:, 1], faces.outward) > 0  # the material is, of an upper normal
+    behind = np.minimum(np.where(together, 0.0, out), 0.0) - AT_FRONT * tube.outer
+    z = (behind * (1 + 1j * AT_FRONT * np.where(below, 1.0, -1.0)[:, None])).reshape(-1)
+    fields = [front_field(z, solid, *mode).u.reshape(-1, 3, 3) for mode in UNITS.tolist()]
+    return tuple(
+        -float(((force * changes_along(faces.corners, turn[:, 0], values)).sum(axis=1) * q).sum())
+        for values in (displacement, *fields)
+    )
 
 
 def across(

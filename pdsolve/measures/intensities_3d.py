@@ -28,6 +28,7 @@ from pdsolve.measures.crack_fronts import (
 from pdsolve.measures.cracked_nodes import ROUND_OFF
 from pdsolve.measures.embedded_model import read
 from pdsolve.measures.frame_steps import vector
+from pdsolve.measures.loaded_faces import loaded_faces_at
 from pdsolve.measures.strain import elastic_constants_of_nodes, families_without_broken_bonds, stress_work_if_yielded
 from pdsolve.measures.stress_intensities import FractureGridFileKeys, gradient_and_motion, three_radii, value_and_band
 from pdsolve.measures.tip_surroundings import UndisturbedRoom
@@ -124,12 +125,13 @@ def compute_front_intensities(
     tree = cKDTree(nodes.position)
     rows = np.unique(np.concatenate([tree.query_ball_point(place, reach) for place, _ in every]).astype(np.int64))
     at, elastic = _sample_fields_of_nodes(results, step, rows), elastic_constants_of_nodes(results, step)
+    faces = loaded_faces_at(results, step)
     series = []
     for (number, points), per_point, room in zip(numbered, tubes, rooms, strict=True):
         nearest = tree.query(np.array([front_place.place for front_place in points.front_places]))[1]
         solids = [Elastic(float(elastic.E[row]), float(elastic.nu[row]), "strain") for row in nearest]
         got = [
-            [front_integrals(at, front_place, tube, solid) for tube in wide]
+            [front_integrals(at, front_place, tube, solid, faces) for tube in wide]
             for front_place, wide, solid in zip(points.front_places, per_point, solids, strict=True)
         ]
         refused = _no_room_reasons(points, room, ratio, tube_radii)

@@ -20,10 +20,12 @@ from pdmesh.model.document import Horizon, Material
 from pdsolve.fracture.domain_integrals import FractureParameters, Ring, Sampled, SampledMotion, integrals
 from pdsolve.fracture.fields import Elastic
 from pdsolve.fracture.gradients import gradients_of, green
+from pdsolve.fracture.loaded_faces import LoadedFaces
 from pdsolve.measures import fields
 from pdsolve.measures.cracked_nodes import ROUND_OFF, damage_with_pre_cracks_at
 from pdsolve.measures.embedded_model import at_rest, read
 from pdsolve.measures.frame_steps import vector
+from pdsolve.measures.loaded_faces import loaded_faces_at
 from pdsolve.measures.strain import elastic_constants_of_nodes, families_without_broken_bonds, stress_work_if_yielded
 from pdsolve.measures.tip_surroundings import (
     TipHistory,
@@ -181,15 +183,18 @@ class CachedFrameFields:
     def __init__(self, results: Results) -> None:
         self._results, self._step = results, -1
         self._sampled: Sampled | None = None
+        self._faces: LoadedFaces | None = None
 
     def integrate_around_tip(self, step: int, tip: TipPosition, rings: tuple[Ring, ...]) -> TipRingIntegrals:
         """Fracture parameters of a tip on rings after a step."""
         if self._sampled is None or self._step != step:
             self._step, self._sampled = step, self._sample_fields(step)
+            self._faces = loaded_faces_at(self._results, step)
         nodes = self._results.nodes(step)
         every, near = elastic_constants_of_nodes(self._results, step), nearest_node_row(nodes, tip.place)
         elastic = Elastic(float(every.E[near]), float(every.nu[near]), every.plane)
-        ring_integrals = tuple(integrals(self._sampled, tip.place, tip.direction, ring, elastic) for ring in rings)
+        of = self._sampled, tip.place, tip.direction
+        ring_integrals = tuple(integrals(*of, ring, elastic, self._faces) for ring in rings)
         return TipRingIntegrals(tip, rings, ring_integrals, elastic.effective_modulus, self._sampled.work is not None)
 
     def _sample_fields(self, step: int) -> Sampled:

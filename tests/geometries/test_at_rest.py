@@ -191,3 +191,15 @@ def test_a_plate_that_is_sheared_and_pulled_tears_from_both_notches(spacing: str
         assert int(block.sum()) == pytest.approx(between, abs=8)
         assert position[block].min(axis=0) == pytest.approx([0.025, 0.095], abs=0.006)
         assert position[block].max(axis=0) == pytest.approx([0.065, 0.12], abs=0.011)
+
+
+@pytest.mark.slow
+def test_a_pressurized_crack_has_sneddons_intensity() -> None:
+    """K = p sqrt(pi a) times the factor of its width, sqrt(sec(pi a / W)), within 1 %."""
+    with solved("pressurized_crack.py") as results:
+        tips = follow_tip_intensities(results, [1])
+        assert results.summary()["broken_bonds"] == 0
+    K = 10e6 * np.sqrt(np.pi * 0.01 / np.cos(np.pi / 12))
+    assert [tip.value["K1"][0] / K - 1 for tip in tips] == pytest.approx([0.0046] * 2, abs=2e-3)
+    assert [np.sqrt(tip.value["J"][0] * 70e9) / K - 1 for tip in tips] == pytest.approx([-0.003] * 2, abs=2e-3)
+    assert [abs(tip.value["K2"][0]) < 1e-4 * K for tip in tips] == [True, True]

@@ -5,9 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pressure_cracks import MATERIAL, A, E, P, line_crack, opening_of_line, solved
+from pressure_cracks import MATERIAL, A, E, P, exact_of_penny, line_crack, opening_of_line, penny, solved
 
-from pdmesh import Circle, Run, Scene
+from pdmesh import Circle, Run, Scene, build
+from pdsolve.measures.intensities_3d import compute_front_intensities
+from pdsolve.measures.stress_intensities import follow_tip_intensities
+from pdsolve.model import Model
+from pdsolve.options import Options
+from pdsolve.run.simulation import simulate
 
 
 @pytest.mark.slow
@@ -48,3 +53,41 @@ def test_a_line_crack_opens_as_sneddons(fineness: int, middle: float, area: floa
     assert wide.max() / wide_exact.max() - 1 == pytest.approx(middle, abs=2e-3)
     assert wide.sum() / wide_exact.sum() - 1 == pytest.approx(area, abs=2e-3)
     assert wide_exact.max() == pytest.approx(4 * P * A / E, rel=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("fineness", "K_off", "J_off"), [(10, -0.0014, -0.028), (20, 0.001, -0.014)])
+def test_a_line_crack_has_sneddons_intensity(fineness: int, K_off: float, J_off: float) -> None:
+    """K = p sqrt(pi a), whatever the ring: the pressure on the faces within it counts."""
+    built = build(line_crack(fineness))
+    with simulate(Model(built.grid, built.settings), None, Options(threads=1)) as results:
+        tips = follow_tip_intensities(results, [1])
+    K = P * np.sqrt(np.pi * A)
+    for tip in tips:
+        assert tip.value["K1"][0] / K - 1 == pytest.approx(K_off, abs=1e-3)
+        assert tip.value["J"][0] * E / K**2 - 1 == pytest.approx(J_off, abs=2e-3)
+        assert tip.high["J"][0] / tip.low["J"][0] < 1.005
+        assert abs(tip.value["K2"][0]) < 1e-3 * K
+        assert abs(tip.value["T"][0]) < 0.02 * P
+
+
+@pytest.mark.slow
+def test_a_penny_has_sneddons_opening_volume_and_intensity() -> None:
+    """w(0) = 8 p a / (pi E'), V = 16 p a^3 / (3 E') and K = 2 p sqrt(a / pi) within 2 %, at 8 spacings in the radius;
+    outer nodes move as in an infinite body."""
+    built = build(penny(8, 2.5))
+    with simulate(Model(built.grid, built.settings), None, Options(threads=2)) as results:
+        (front,) = compute_front_intensities(results, 1)
+        uz = results.field("uz", 1)
+    position, exact = built.grid.position, exact_of_penny(built.grid.position)[:, 2]
+    inside, near = np.hypot(*position[:, :2].T) < A, np.abs(position[:, 2]).min()
+    above, below = (inside & np.isclose(position[:, 2], side * near) for side in (1, -1))
+    wide, wide_exact = (of[above] - of[below] for of in (uz, exact))
+    assert wide.max() / wide_exact.max() - 1 == pytest.approx(-0.0163, abs=2e-3)
+    assert wide.sum() / wide_exact.sum() - 1 == pytest.approx(0.018, abs=2e-3)
+    K = 2 * P * np.sqrt(A / np.pi)
+    known = front.points_with_values
+    assert len(known) == len(front.points)
+    assert front.value["K1"][known].mean() / K - 1 == pytest.approx(0.0148, abs=2e-3)
+    assert np.ptp(front.value["K1"][known]) < 0.005 * K
+    assert front.value["J"][known].mean() * E / (1 - 1 / 16) / K**2 - 1 == pytest.approx(-0.015, abs=3e-3)
