@@ -157,7 +157,7 @@ def _build(args: argparse.Namespace) -> int:
     path = commandline.output_path(args.output, args.drawing, ".json", args.force or args.dry_run)
     built = build_file(args.drawing, _assigned(args), args.refine, args.trust, args.cracks)
     grid, settings = built.grid, built.settings
-    refuse(settings, grid.dimension, str(args.drawing))
+    refuse(settings, grid.dimension, str(args.drawing), grid.field_quantities)
     unheard = unused_settings.in_vain(settings, [name for name, value in args.assignments if value != "{}"])
     if unheard is not None:
         raise commandline.UsageError(unheard)

@@ -74,6 +74,7 @@ def refuse_combinations(model: Model, options: Options) -> None:
     """Raise ModelError for features of a model and of its run that exclude each other."""
     ranks = options.team is not None
     case = Case(model.settings, model.grid.dimension, options.mode, options.precision, ranks, options.kernel)
+    case = case._replace(fields=model.grid.field_quantities)
     for wrong in impossible(case):
         raise ModelError(f"{model.name}: {wrong}")
 
@@ -83,6 +84,7 @@ def refuse_numbers(model: Model, partial_cells: bool) -> None:
 
     `partial_cells` tells whether the family extends half a spacing beyond the horizon.
     """
+    _refuse_cohesive_fields(model)
     for number, material in enumerate(model.materials):
         place = model.place_of(number)
         law_named(material, place)
@@ -98,6 +100,21 @@ def refuse_numbers(model: Model, partial_cells: bool) -> None:
                 f"{model.name}: $.horizon.ratio is {ratio:g}, where bonds of a {material.micromodulus} micromodulus"
                 " have no stiffness; use more than 1 (3 is usual)"
             )
+
+
+def _refuse_cohesive_fields(model: Model) -> None:
+    """Raise ModelError for a node whose own constants give bonds that hold more than G0 when they begin to soften."""
+    every = np.arange(len(model.grid))
+    for places, material in model.materials_at(every) if model.grid.fields else ():
+        if material.law == "cohesive":
+            rows, ratio = every[places], model.settings.horizon.ratio
+            room = largest_horizon(material, ratio) - model.horizons[rows]
+            if room.min() <= 0:
+                worst = int(rows[room.argmin()])
+                raise ModelError(
+                    f"{model.name}: $.fields: E, G0 and f_t of {named(model, worst)} need a horizon"
+                    f" {-room.min():.4g} m less than {model.horizons[worst]:g} m; use a finer spacing, or a smaller f_t"
+                )
 
 
 def refuse_fields(model: Model, operator: Operator, state: State) -> None:
@@ -117,7 +134,8 @@ def warn_of_model(model: Model, unbonded: NDArray[np.int64], partial_cells: bool
     `unbonded` (k,) are the rows of nodes without bonds, `partial_cells` is as in `refuse_numbers`, `symmetric` as in
     `closing`. Raises ModelError for coincident nodes.
     """
-    stiffest, softest = (extreme(material.E for material in model.materials) for extreme in (max, min))
+    every_E = model.node_values("E")
+    stiffest, softest = every_E.max(), every_E.min()
     if stiffest > softest and not symmetric:
         warn(
             model,

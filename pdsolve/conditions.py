@@ -183,7 +183,9 @@ def damping(model: Model, first: int = 0, last: int | None = None) -> NDArray[np
     for condition in model.settings.conditions:
         if isinstance(condition, Absorb):
             rows = model.selected(condition)
-            speed = np.array([pressure_speed(material) for material in model.materials])[model.material_of[rows]]
+            speed = np.empty(len(rows))
+            for places, material in model.materials_at(rows):
+                speed[places] = pressure_speed(material)
             position = model.grid.part(rows).position
             if model.grid.lattice is None:
                 others = np.delete(model.grid.position, rows, axis=0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -38,6 +39,7 @@ from pdmesh.model.fracture_energy import with_fracture_energy
 from pdmesh.model.material import UNKNOWN
 from pdmesh.model.material_constants import MaterialColumns
 from pdmesh.model.mechanical_conditions import RigidBody
+from pdmesh.model.node_fields import unused, with_field
 from pdmesh.model.node_grid import Grid, document_of, grid_of
 from pdmesh.model.output_fields import OF_CONTENT
 from pdmesh.model.rigid_bodies import densities, without_bonds
@@ -85,6 +87,7 @@ class Model:
                     f"{self.name}: $.{part} is missing; give {needed} (in the file, a --settings TOML or --set"
                     f" {part}.{first}=...)"
                 )
+        self._check_fields()
         self._resolve_fracture_energies()
         large = beyond(self.settings, "$")
         if large is not None:
@@ -118,6 +121,20 @@ class Model:
 
     def _of_regions(self) -> Iterator[Material]:
         return (region.material for region in self.settings.regions)
+
+    def _check_fields(self) -> None:
+        """Raise ModelError for a field of a constant that a material does not use."""
+        if self.settings.material is None:
+            return
+        for number, column in enumerate(self.grid.fields):
+            for at, material in enumerate((self.settings.material, *self._of_regions())):
+                needed = unused(column.quantity, material, self.settings.physics)
+                if needed is not None:
+                    place = self.place_of(at).removeprefix(f"{self.name}: ")
+                    raise ModelError(
+                        f"{self.name}: $.fields[{number}] is of {column.quantity}, which cannot differ by node with"
+                        f" {place}; give it {needed}, or leave the field out"
+                    )
 
     @property
     def has_diffusion_only(self) -> bool:
@@ -192,6 +209,27 @@ class Model:
         """The numbers of `materials` as arrays."""
         return MaterialColumns(self.materials)
 
+    @property
+    def varies(self) -> bool:
+        """Whether nodes differ in their constants."""
+        return len(self.materials) > 1 or bool(self.grid.fields)
+
+    def materials_at(self, rows: NDArray[np.int64]) -> Iterator[tuple[NDArray[np.int64] | slice, Material]]:
+        """The places in `rows` (b,) of nodes that differ in numbers alone, and a material whose numbers are theirs."""
+        for places, material in self.material_columns.of(self.material_of[rows]):
+            if self.grid.fields:
+                material = copy.copy(material)
+                for quantity, *_ in self.grid.fields:
+                    values = with_field(self.grid.fields, quantity, getattr(material, quantity), rows[places])
+                    msgspec.structs.force_setattr(material, quantity, values)
+            yield places, material
+
+    def node_values(self, name: str, missing: float = 0.0) -> NDArray[np.float64]:
+        """A constant (n,) of each node's material or of the field in its place; `missing` where it has none."""
+        values = (getattr(material, name) for material in self.materials)
+        of_materials = np.array([missing if value is None else value for value in values])
+        return with_field(self.grid.fields, name, of_materials[self.material_of])
+
     @cached_property
     def material_of(self) -> NDArray[np.int64]:
         """The number in `materials` of each node's material (n,); without regions it takes no memory."""
@@ -212,7 +250,7 @@ class Model:
     @property
     def rho(self) -> NDArray[np.float64]:
         """Each node's density (n,), kg/m^3; that of a rigid body's is its mass over its cells."""
-        rho = np.array([material.rho for material in self.materials])[self.material_of]
+        rho = self.node_values("rho")
         return densities(self.grid, self.settings, rho) if self.has_rigid_bodies else rho
 
     @property

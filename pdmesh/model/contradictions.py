@@ -54,6 +54,7 @@ class Case(NamedTuple):
     ranks: bool = False  # whether the run is on MPI ranks
     kernel: str | None = None  # that the caller asks for
     disturbances: tuple[str, ...] = ()  # notch, step, noise: those by which a study repeats the run
+    fields: tuple[str, ...] = ()  # constants of the material by node
 
     @property
     def materials(self) -> Places:

@@ -58,6 +58,7 @@ from pdmesh.model.medium import MediumRegion as MediumRegion
 from pdmesh.model.medium import OfDiffusion as OfDiffusion
 from pdmesh.model.medium import Solid as Solid
 from pdmesh.model.medium import Source as Source
+from pdmesh.model.node_fields import NodeField
 from pdmesh.model.output_fields import USUAL, Column
 from pdmesh.model.suggestions import explained
 from pdmesh.model.values_of_place import PlaceError
@@ -369,6 +370,7 @@ class Document(Settings, frozen=True, forbid_unknown_fields=True, kw_only=True):
     outline: tuple[tuple[Vector, ...], ...] = ()  # exterior rings of the plate, or triangles of a body's surface, m
     holes: tuple[tuple[Point, ...], ...] = ()  # rings; hole_id counts them from 0
     areas: tuple[Positive, ...] | None = None  # of the nodes' cells, in their order, m^2; in space volumes, m^3
+    fields: tuple[NodeField, ...] = ()  # constants of the material by node
     lattice: Lattice | None = None  # all nodes, in place of a list of them
     bodies: tuple[BodyNodes, ...] = ()  # of which no bonds join two; nodes of none are the first body
     source: str = ""  # the drawing the grid was built from
@@ -449,7 +451,8 @@ def tables_beside(conditions: tuple[AnyCondition, ...], path: Path, dimension: i
 def encode(document: Document) -> bytes:
     """The document as JSON, a line for each node and for each other key, its digest last."""
     fields: dict[str, Any] = {"version": document.version, "notch": document.notch}
-    usual = {"physics": "mechanics", "medium": None, "media": (), "contact": None, "bodies": ()}  # is left out
+    usual: dict[str, Any] = {"physics": "mechanics", "medium": None, "contact": None}  # is left out
+    usual |= dict.fromkeys(("media", "bodies", "fields"), ())
     values = {name: getattr(document, name) for name in document.__struct_fields__ if name not in ("nodes", "digest")}
     fields |= {name: value for name, value in values.items() if name not in usual or value != usual[name]}
     lines = [b"%s: %s" % (msgspec.json.encode(name), msgspec.json.encode(value)) for name, value in fields.items()]

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.material import Material
 
+Number = TypeVar("Number", float, NDArray[np.float64])
 BONDS_NU = {"stress": 1 / 3, "strain": 1 / 4, "space": 1 / 4}  # Poisson's ratio of bonds, by plane
 C11 = {"stress": 1.125, "strain": 1.2, "space": 1.2}  # over E, by plane
 C66 = {"stress": 0.375, "strain": 0.4, "space": 0.4}  # over E; C12 is the same
@@ -72,12 +73,12 @@ def poisson(material: Material) -> float:
     return BONDS_NU[material.plane] if material.model == "bond" or material.nu is None else material.nu
 
 
-def lame(E: float, nu: float) -> tuple[float, float]:
+def lame(E: Number, nu: Number) -> tuple[Number, Number]:
     """Lamé's constants lambda and mu, in the unit of E, in space and in plane strain."""
     return E * nu / ((1 + nu) * (1 - 2 * nu)), E / (2 * (1 + nu))
 
 
-def bulk_modulus(E: float, nu: float, space: str) -> float:
+def bulk_modulus(E: Number, nu: Number, space: str) -> Number:
     """Bulk modulus, mean stress over dilatation: within the plane for "stress" and "strain", or in "space"."""
     if space == "stress":
         return E / (2 * (1 - nu))
@@ -85,11 +86,11 @@ def bulk_modulus(E: float, nu: float, space: str) -> float:
     return first + shear if space == "strain" else first + 2 * shear / 3
 
 
-def pressure_speed(material: Material) -> float:
-    """Speed of P waves in a plate, m/s."""
+def pressure_speed(material: Material) -> NDArray[np.float64]:
+    """Speed of P waves in a plate, m/s; (n,) of n materials."""
     nu = poisson(material)
     C11 = 1 / (1 - nu**2) if material.plane == "stress" else (1 - nu) / ((1 + nu) * (1 - 2 * nu))
-    return float(np.sqrt(C11 * material.E / material.rho))
+    return np.asarray(np.sqrt(C11 * material.E / material.rho))
 
 
 def rayleigh_ratio(nu: float) -> float:

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pdmesh.model.document import Lattice
 from pdmesh.model.neighbours import tree_of
+from pdmesh.model.node_fields import FieldColumn
 from pdmesh.model.svg_picture import svg
 
 TIE = 1e-9  # relative difference of distances that are equal but for round-off
@@ -89,6 +90,7 @@ class Grid:
     drawing: str = ""
     lattice: Lattice | None = None  # what the nodes are all of, where they are
     bodies: Bodies | None = None  # None: all nodes are of one
+    fields: tuple[FieldColumn, ...] = ()  # constants of the material by node
 
     def __post_init__(self) -> None:
         """Convert numbers to the types above; arrays of those types are kept."""
@@ -107,6 +109,11 @@ class Grid:
     def __len__(self) -> int:
         return len(self.ids)
 
+    @property
+    def field_quantities(self) -> tuple[str, ...]:
+        """The constants of the material that differ by node."""
+        return tuple(column.quantity for column in self.fields)
+
     def part(self, rows: NDArray[np.int64]) -> Grid:
         """The grid of the nodes in `rows`, with the shapes of all; it has no bodies."""
         return Grid(
@@ -116,8 +123,13 @@ class Grid:
             border=self.border[rows],
             hole_id=self.hole_id[rows],
             areas=None if self.areas is None else self.areas[rows],
+            fields=self._fields_at(rows),
             **self._shapes(),
         )
+
+    def _fields_at(self, rows: NDArray[np.int64] | slice) -> tuple[FieldColumn, ...]:
+        """The fields of the nodes in `rows`."""
+        return tuple(column._replace(values=column.values[rows]) for column in self.fields)
 
     def _shapes(self) -> dict[str, Any]:
         names = ("cracks", "outline", "holes", "source", "parameters", "drawing", "lattice")
@@ -190,7 +202,8 @@ class Grid:
         rows = {name: getattr(self, name)[first:last] for name in of_nodes}
         areas = None if self.areas is None else self.areas[first:last]
         bodies = None if self.bodies is None else self.bodies._replace(number=self.bodies.number[first:last])
-        return replace(self, **rows, areas=areas, bodies=bodies, lattice=None)
+        fields = self._fields_at(slice(first, last))
+        return replace(self, **rows, areas=areas, bodies=bodies, fields=fields, lattice=None)
 
     def _repr_svg_(self) -> str | None:
         """SVG for a notebook: the plate and its nodes; None for a body in space."""

@@ -24,6 +24,8 @@ from pdmesh.model.grid_file_nodes import NodeColumns, columns_of
 from pdmesh.model.mechanical_conditions import REST, BodyNodes
 from pdmesh.model.node_arrays import Bodies as Bodies
 from pdmesh.model.node_arrays import Grid as Grid
+from pdmesh.model.node_fields import columns_of as field_columns_of
+from pdmesh.model.node_fields import records_of as field_records_of
 from pdmesh.model.whole_lattice import WholeLattice
 from pdmesh.model.whole_lattice import places as places
 
@@ -44,7 +46,7 @@ def grid_of(document: Document, name: str) -> Grid:
         raise GridError(f"{name}: $.nodes: id {first[counts.argmax()]} is there {counts.max()} times; use it once")
     d = document.dimension
     try:
-        bodies = bodies_of(document.bodies, ids)
+        bodies, field_columns = bodies_of(document.bodies, ids), field_columns_of(document.fields, len(nodes))
     except ValueError as error:
         raise GridError(f"{name}: {error}") from None
     _check_nodes(name, position, delta, d)
@@ -74,6 +76,7 @@ def grid_of(document: Document, name: str) -> Grid:
         parameters=tuple(document.parameters.items()),
         drawing=document.drawing,
         bodies=bodies,
+        fields=field_columns,
     )
 
 
@@ -92,8 +95,13 @@ def _grid_of_lattice(document: Document, lattice: Lattice, name: str) -> Grid:
     if np.abs(ends).max() > LARGEST:
         raise GridError(f"{name}: $.lattice reaches {np.abs(ends).max():g} m; use at most {LARGEST:g} m")
     _check_shapes(name, document)
+    try:
+        field_columns = field_columns_of(document.fields, count)
+    except ValueError as error:
+        raise GridError(f"{name}: {error}") from None
     return whole_lattice(
         lattice,
+        fields=field_columns,
         cracks=_cracks(document),
         outline=_rings(document.outline, d),
         source=document.source,
@@ -188,6 +196,7 @@ def document_of(grid: Grid, settings: Settings) -> Document:
         holes=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.holes),
         areas=None if grid.lattice is not None or grid.areas is None else tuple(grid.areas.tolist()),
         bodies=() if grid.bodies is None else records_of(grid.bodies, grid.ids),
+        fields=field_records_of(grid.fields),
         source=grid.source,
         drawing=grid.drawing,
         parameters=dict(grid.parameters),

@@ -150,6 +150,11 @@ def regions(case: Case) -> Occurrences:
         yield "$.regions", f"{len(case.materials)} materials"
 
 
+def node_fields(case: Case) -> Occurrences:
+    """Constants of the material by node."""
+    return (("$.fields", quantity) for quantity in case.fields)
+
+
 AT_REST, BREAKING, GROWN = setting("run.solver", "static"), setting("run.cracks", "bonds"), setting("run.cracks")
 MOTION, ARC_LENGTH = setting("physics", "mechanics", "thermoelastic"), setting("run.static.control", ARC)
 OTHERS = "'bond', 'ordinary' or 'correspondence'"
@@ -230,6 +235,7 @@ PARTICLES_AT_REST = Feature(
     "crack particles in load steps", both(GROWN, AT_REST), "bonds", ", as the solver is static and cracks are particles"
 )
 REGIONS = Feature("several materials", regions, "one")
+NODE_FIELDS = Feature("fields of the material by node", node_fields, "regions")
 # Conditions
 CONTACT = Feature("contact", present("contact"), why=", as bodies touch")
 RESTITUTION = Feature("a restitution below 1", setting("contact.restitution"), "1")
@@ -309,6 +315,7 @@ LAST = "bond (or --adapt none; version 1.0.0 was the last with zones of ordinary
 TABLE: tuple[Exclusion, ...] = (
     *excluded(DIFFUSION, UNTIL, START, DAMPING, PROBES, PARTICLES, CONDUCTANCE, HEATING, EQ19, THESIS, SINGLE),
     *excluded(DIFFUSION, STIFFNESS_DAMPING, KERNEL, MECHANICAL),
+    *excluded(DIFFUSION, NODE_FIELDS, use="none (they are of a material)"),
     *excluded(DIFFUSION, MATERIAL, because=" (mechanics and thermoelastic have some)"),
     *excluded(DIFFUSION, STATIC, use="explicit or implicit"),
     *excluded(DIFFUSION, OTHER_ZONES),
@@ -349,6 +356,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(FATIGUE, FLOATING, COUNT, HEAT, LAW),
     *excluded(FATIGUE, PROFILE, because=" (the loads of the model are the maximum loads of a cycle)"),
     *excluded(BOND_FATIGUE, STATE_BASED, THESIS),
+    *excluded(ADAPTIVE, NODE_FIELDS, use="regions (or --adapt none: coarse cells have one material)"),
     *excluded(ADAPTIVE, NOISE, AREA_RULE, STATIC, START, COARSE, PINS),
     *excluded(SPLIT, ACCELERATION, SPIN, DISPLACED, SPRINGS),
     *excluded(BONDS_COLLOCATED, ACCELERATION, SPIN, DISPLACED, SPRINGS),
@@ -398,7 +406,7 @@ def excluded_from(case: Case) -> list[str]:
     return sorted({(by if there(feature) else feature).name for feature, by in rows})
 
 
-def refuse(settings: Settings, dimension: int, name: str) -> None:
-    """Raise GridError for impossible settings of the file called `name`."""
-    for wrong in impossible(Case(settings, dimension)):
+def refuse(settings: Settings, dimension: int, name: str, fields: tuple[str, ...] = ()) -> None:
+    """Raise GridError for impossible settings of the file called `name`, with these `fields` by node."""
+    for wrong in impossible(Case(settings, dimension, fields=fields)):
         raise GridError(f"{name}: {wrong}")

@@ -127,6 +127,7 @@ class WholeLattice(Grid):
             border=np.logical_or.reduce(ends),
             hole_id=hole_id,
             areas=cells,
+            fields=self._fields_at(rows),
             **self._shapes(),
         )
 

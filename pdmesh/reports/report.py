@@ -105,7 +105,7 @@ def info(document: Document, name: str, mode: str = DEFAULT_MODE) -> dict[str, A
         "crack_segments": len(grid.cracks),
         "horizon_ratio": ratio,
         "refused": refused,
-        "excluded": excluded_from(Case(settings_of(document), grid.dimension, mode)),
+        "excluded": excluded_from(Case(settings_of(document), grid.dimension, mode, fields=grid.field_quantities)),
         "time_step": run.time_step if run and run.steps_are_load_steps else document.run.time_step,
         "steps": run.steps if run else document.run.steps,
         "area_rule": document.area_rule,
@@ -345,7 +345,7 @@ def run_of(grid: Grid, settings: Settings, name: str, mode: str) -> Plan | None:
 
 def _estimate(grid: Grid, settings: Settings, name: str, mode: str) -> tuple[Plan | None, str | None]:
     """Cost of a run, and why the solver would refuse a model with a material; None for what is not so."""
-    refuse(settings, grid.dimension, name)
+    refuse(settings, grid.dimension, name, grid.field_quantities)
     from pdsolve import Model, ModelError, Options, estimate_run
 
     if settings.material is None and settings.medium is None:

@@ -113,7 +113,7 @@ class Growth:
     def toughness(self, tip: Tip) -> float:
         """What the stress intensity of a tip must reach, Pa m^0.5."""
         row = self._near.nearest(tip.place)
-        plate, G0 = self._near.plate(row), self._model.materials[self._model.material_of[row]].G0
+        plate, G0 = self._near.plate(row), self._model.node_values("G0")[row]
         return self.rules.toughness or float(np.sqrt(plate.effective_modulus * G0))
 
     def judge(self, tip: Tip, tips: list[Tip], state: State) -> Verdict:
@@ -295,5 +295,10 @@ def every_of(model: Model, step: float) -> int:
     speeds = [
         rayleigh_speed(material.E, material.rho, material.plane, poisson(material)) for material in model.materials
     ]
+    fastest = max(speeds)
+    if model.grid.fields:
+        stiffness = np.array([material.E / material.rho for material in model.materials])[model.material_of]
+        faster = np.sqrt(model.node_values("E") / model.node_values("rho") / stiffness)
+        fastest = float((np.array(speeds)[model.material_of] * faster).max())
     shortest = model.settings.run.particles.spacing * float(model.grid.delta.min())
-    return max(1, int(np.ceil(shortest / (max(speeds) * step))))
+    return max(1, int(np.ceil(shortest / (fastest * step))))

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.material_constants import poisson
 from pdmesh.model.neighbours import ROUND_OFF, Pairs
+from pdmesh.model.node_fields import with_field
 from pdmesh.model.visibility import Sight
 from pdsolve.bonds.assembly import BondSource
 from pdsolve.conditions import unbreakable
@@ -29,8 +30,9 @@ class Surroundings:
         self.source, self.target = operator.bonds(at_start=True)
         self.start = np.searchsorted(self.source, np.arange(len(area) + 1))
         self.intact = np.ones(len(self.source), dtype=bool)
-        E, nu = np.array([(material.E, poisson(material)) for material in model.materials]).T[:, model.material_of]
-        self._elastic = Stiffness(E, nu, model.materials[0].plane)
+        nu = np.array([poisson(material) for material in model.materials])[model.material_of]
+        nu = with_field(model.grid.fields, "nu", nu)
+        self._elastic = Stiffness(model.node_values("E"), nu, model.materials[0].plane)
 
     def rows(self, place: NDArray[np.float64], radius: float) -> NDArray[np.int64]:
         """Rows of the nodes within a radius of a place, m."""

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Run
 from pdmesh.model.material_constants import poisson
 from pdmesh.model.neighbours import ROUND_OFF, Pairs
+from pdmesh.model.node_fields import with_field
 from pdsolve.diffusion.families import DiffusionFamilies
 from pdsolve.diffusion.system import Transport
 from pdsolve.diffusion.walls import Array
@@ -223,8 +224,8 @@ def coefficients(model: Model) -> Array:
 
     In plane strain it is 1 + nu times alpha: what is kept from growing along z grows within the plane instead.
     """
-    rows = [
-        ((each.alpha or 0.0) * (1 + poisson(each) if each.plane == "strain" else 1.0), each.T0 or 0.0)
-        for each in model.materials
-    ]
-    return np.asarray(np.array(rows)[model.material_of].T)
+    alpha = model.node_values("alpha")
+    if model.materials[0].plane == "strain":
+        nu = np.array([poisson(each) for each in model.materials])[model.material_of]
+        alpha *= 1 + with_field(model.grid.fields, "nu", nu)
+    return np.array([alpha, model.node_values("T0")])

@@ -23,6 +23,7 @@ from pdmesh.model.material import Material
 from pdmesh.model.material_constants import critical_stretch, dimension_of, micromodulus
 from pdmesh.model.neighbours import ROWS, Neighbours, lengths
 from pdmesh.model.node_arrays import Grid
+from pdmesh.model.node_fields import with_field
 
 MISSING = 4.0  # times: most that a bond stands for, where nearly all others of its nodes are missing
 
@@ -82,7 +83,7 @@ def broken_area(
     numbers = {kind: number for number, kind in enumerate(kinds)}
     kind_of = np.array([numbers[_kind(material)] for material in materials])[material_of]
     position, delta, cells = grid.position, grid.delta, grid.cells
-    G0 = np.array([material.G0 for material in materials])[material_of]
+    G0 = with_field(grid.fields, "G0", np.array([material.G0 for material in materials])[material_of])
 
     def shares(
         source: NDArray[np.int64], target: NDArray[np.int64], length: NDArray[np.float64]

@@ -60,8 +60,9 @@ class ExponentialColumns(CohesiveMicropolarColumns):
 def shear_of(model: Model, bonds: Bonds) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Stiffness (b,) of bonds, N/m^3, and r (b,), from those of springs; at an interface the mean of both ends."""
     source, ratio = bonds.source, model.settings.horizon.ratio
-    constants = np.array([(material.E, *sheared(material, ratio)) for material in model.materials])
-    (E, c, r), (E_j, c_j, r_j) = constants[model.material_of][source].T, constants[model.material_of][bonds.neighbour].T
+    constants = np.array([sheared(material, ratio) for material in model.materials])[model.material_of]
+    every_E, (c, r), (c_j, r_j) = model.node_values("E"), constants[source].T, constants[bonds.neighbour].T
+    E, E_j = every_E[source], every_E[bonds.neighbour]
     share = (E * c + E_j * c_j) / (E + E_j)
     return bonds.stiffness * share, (E * c * r + E_j * c_j * r_j) / (E * c + E_j * c_j)
 

@@ -103,9 +103,7 @@ def columns(model: Model, bonds: Bonds) -> CorrespondenceColumns:
 def silling(model: Model, total: NDArray[np.float64], d: int) -> NDArray[np.float64]:
     """Z (n,) of nodes with these total weights (n,)."""
     horizon = np.broadcast_to(model.horizons, total.shape)
-    E, G = (
-        np.array([getattr(m, name) for m in model.materials])[model.material_of] for name in ("E", "control_factor")
-    )
+    E, G = model.node_values("E"), model.node_values("control_factor")
     strength = 9 * E / (horizon**2) if d == 2 else 16 * E / (horizon**2)
     return np.divide(G * strength, total, out=np.zeros(len(total)), where=total > 0)
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.lattice_calibration import Elasticity, elasticity, hu_beta, offsets
 from pdmesh.model.material import Material
+from pdmesh.model.material_constants import Number
 from pdmesh.model.neighbours import lengths
 from pdsolve.bonds.assembly import Bonds
 from pdsolve.laws.law import INLINE, Failure, Law, Passes
@@ -47,8 +48,10 @@ def columns(model: Model, bonds: Bonds) -> MicropolarColumns:
     source = bonds.source
     horizon = np.broadcast_to(model.horizons, len(bonds.start) - 1)
     reach, length = (horizon[source] + horizon[bonds.neighbour]) / 2, np.hypot(*bonds.xi.T.astype(float))
-    constants = np.array([stiffnesses(material.E, material.nu or 0.0, material.plane) for material in model.materials])
-    c, d = (constants[model.material_of][source] + constants[model.material_of][bonds.neighbour]).T / 2
+    c, d = (
+        (values[source] + values[bonds.neighbour]) / 2
+        for values in stiffnesses(model.node_values("E"), model.node_values("nu"), model.materials[0].plane)
+    )
     numbers = (
         bonds.weight * c / reach**3 / length,
         12 * bonds.weight * d / reach / length**3,
@@ -61,7 +64,7 @@ def columns(model: Model, bonds: Bonds) -> MicropolarColumns:
     return MicropolarColumns(along, across, bending, turn, bonds.limit, broken, breaks)
 
 
-def stiffnesses(E: float, nu: float, plane: str) -> tuple[float, float]:
+def stiffnesses(E: Number, nu: Number, plane: str) -> tuple[Number, Number]:
     """c horizon^3 and d horizon, Pa."""
     if plane == "stress":
         return 6 * E / (np.pi * (1 - nu)), E * (1 - 3 * nu) / (6 * np.pi * (1 - nu**2))

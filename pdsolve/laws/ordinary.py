@@ -67,7 +67,8 @@ class OrdinaryStateBasedColumns(NamedTuple):
 def columns(model: Model, bonds: Bonds, corrected: bool = True) -> OrdinaryStateBasedColumns:
     """Columns of these bonds (b,) and their nodes; not `corrected`: as published, for comparison."""
     dimension, exact = bonds.xi.shape[1], bonds._replace(xi=bonds.xi.astype(float), weight=bonds.weight.astype(float))
-    bulk, shear = (values[model.material_of] for values in np.array([_moduli(m, dimension) for m in model.materials]).T)
+    E, nu, plane = model.node_values("E"), model.node_values("nu"), model.materials[0].plane
+    bulk, shear = bulk_modulus(E, nu, plane), E / (1 + nu)  # K and 2 mu, Pa
     dilating, shearing = (_weights if corrected else _plain_weights)(exact)
     source = bonds.source
     back = find(bonds, bonds.neighbour.astype(np.int64), source)
@@ -89,12 +90,6 @@ def columns(model: Model, bonds: Bonds, corrected: bool = True) -> OrdinaryState
         failure={"stretch": STRETCH, "energy": ENERGY}.get(model.materials[0].failure, NEVER),
         d=dimension,
     )
-
-
-def _moduli(material, dimension: int) -> tuple[float, float]:  # type: ignore[no-untyped-def]
-    """K and 2 mu, Pa."""
-    space = "space" if dimension == 3 else material.plane
-    return bulk_modulus(material.E, material.nu, space), material.E / (1 + material.nu)
 
 
 def rows(law: OrdinaryStateBasedColumns, dimension: int) -> int:

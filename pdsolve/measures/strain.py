@@ -10,6 +10,8 @@ along one line (in a body in one plane) only, has strain NaN.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +20,7 @@ from pdmesh.model.document import Material, Region
 from pdmesh.model.material_constants import poisson
 from pdmesh.model.neighbours import tree_of
 from pdmesh.model.node_arrays import selected
+from pdmesh.model.node_fields import NodeField, columns_of, with_field
 from pdsolve.fracture.gradients import Stiffness, curved_gradients_of, gradients_of
 from pdsolve.measures.embedded_model import physics_of, read
 from pdsolve.measures.frame_steps import scalar, vector
@@ -29,6 +32,7 @@ class _MaterialGridFileKeys(msgspec.Struct):
 
     material: Material
     regions: tuple[Region, ...] = ()
+    fields: tuple[NodeField, ...] = ()
 
 
 def displacement_gradients(results: Results, step: int) -> NDArray[np.float64]:
@@ -91,9 +95,8 @@ def elastic_constants_of_nodes(results: Results, step: int) -> Stiffness:
 
     A node that was born later has the material of the nearest initial node.
     """
-    which, materials = _material_numbers_and_materials(results, step)
-    E, nu = (np.array(column)[which] for column in zip(*((m.E, poisson(m)) for m in materials), strict=True))
-    return Stiffness(E, nu, materials[0].plane)
+    of_nodes, materials = _constants_of_nodes(results, step)
+    return Stiffness(of_nodes("E"), of_nodes("nu"), materials[0].plane)
 
 
 def thermal_strain_of_nodes(results: Results, step: int) -> NDArray[np.float64]:
@@ -108,9 +111,8 @@ def thermal_strain_of_nodes(results: Results, step: int) -> NDArray[np.float64]:
         raise ResultsError(
             f"{results.name} has no field 'T' or 'c' at step {step}; solve it with one (pdsolve --fields +T, or +c)"
         )
-    which, materials = _material_numbers_and_materials(results, step)
-    alpha, T0 = (np.array(column)[which] for column in zip(*((m.alpha, m.T0) for m in materials), strict=True))
-    return np.asarray(alpha * (results.field(content, step).astype(float) - T0))
+    of_nodes, _ = _constants_of_nodes(results, step)
+    return np.asarray(of_nodes("alpha") * (results.field(content, step).astype(float) - of_nodes("T0")))
 
 
 def stress_work_if_yielded(results: Results, step: int) -> NDArray[np.float64] | None:
@@ -119,16 +121,14 @@ def stress_work_if_yielded(results: Results, step: int) -> NDArray[np.float64] |
     It is the elastic energy of the stress, and the yield stress times the plastic strain. Raises ResultsError if the
     frame lacks the plastic strain of a plastic solid, or the stress.
     """
-    which, materials = _material_numbers_and_materials(results, step)
+    of_nodes, materials = _constants_of_nodes(results, step)
     if not any(material.solid == "j2" for material in materials):
         return None
     alpha = scalar(results, "plastic", step)
     if not (alpha > 0).any():
         return None
-    E, nu, yields, hardening = (
-        np.array(column)[which]
-        for column in zip(*((m.E, poisson(m), m.yield_stress or 0.0, m.hardening) for m in materials), strict=True)
-    )
+    E, yields, hardening = (of_nodes(name) for name in ("E", "yield_stress", "hardening"))
+    nu = of_nodes("nu")
     names = ("sxx", "syy", "szz", "sxy", "sxz", "syz")[: 6 if results.dimension == 3 else 4]
     s = np.array([results.field(name, step).astype(float) for name in names])
     squared = (s[:3] ** 2).sum(axis=0) + 2 * (s[3:] ** 2).sum(axis=0)
@@ -136,12 +136,25 @@ def stress_work_if_yielded(results: Results, step: int) -> NDArray[np.float64] |
     return np.asarray(elastic + alpha * (yields + hardening * alpha / 2))
 
 
-def _material_numbers_and_materials(results: Results, step: int) -> tuple[NDArray[np.int64], tuple[Material, ...]]:
-    """The number (n,) of each node's material at `step`, and the materials. Raises ResultsError."""
+def _constants_of_nodes(
+    results: Results, step: int
+) -> tuple[Callable[[str], NDArray[np.float64]], tuple[Material, ...]]:
+    """The function that returns a constant (n,) of the nodes at `step`, by its name, and the materials.
+
+    It is that of the node's material or of the field in its place. Raises ResultsError.
+    """
     model, nodes = read(results, _MaterialGridFileKeys), results.nodes(0)
-    which = np.zeros(len(nodes.ids if model.regions else results.rows(step)), dtype=np.int64)
+    varies = bool(model.regions or model.fields)
+    which = np.zeros(len(nodes.ids if varies else results.rows(step)), dtype=np.int64)
     for number, region in enumerate(model.regions):
         which[selected(nodes, region.nodes, region.box)] = number + 1
-    if model.regions and results.epoch(step):
-        which = which[tree_of(nodes.position).query(results.nodes(step).position)[1]]
-    return which, (model.material, *(region.material for region in model.regions))
+    rows = np.arange(len(which))
+    if varies and results.epoch(step):
+        rows = np.asarray(tree_of(nodes.position).query(results.nodes(step).position)[1])
+    materials, fields = (model.material, *(region.material for region in model.regions)), model.fields
+
+    def of_nodes(name: str) -> NDArray[np.float64]:
+        values = np.array([poisson(m) if name == "nu" else getattr(m, name) or 0.0 for m in materials])[which[rows]]
+        return with_field(columns_of(fields, len(which)), name, values, rows) if fields else values
+
+    return of_nodes, materials

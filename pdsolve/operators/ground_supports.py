@@ -57,7 +57,7 @@ class GroundSupports(UnbreakableOperator):
                 self._k[rows] += resistance_of_spring(condition, model, volume, rows)
             elif isinstance(condition, Pin):
                 ring_rows = model.selected(condition)
-                E = np.array([material.E for material in model.materials])[model.material_of[ring_rows]]
+                E = model.node_values("E")[ring_rows]
                 arm = model.grid.position[ring_rows] - np.array(condition.centre)
                 turn = np.column_stack([-arm[:, 1], arm[:, 0]])
                 k = np.full(len(ring_rows), TIED * float((E / model.grid.delta[ring_rows] ** 2).min()))

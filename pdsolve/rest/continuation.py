@@ -223,7 +223,7 @@ class SofteningPathSteps(CorrectedPathSteps):
         steps = static.load_steps or CRACK_STEPS
         if static.opening is None:
             extent = float(np.ptp(model.grid.position, axis=0).min() + model.grid.delta.min())
-            cost = min(material.G0 for material in model.materials)
+            cost = model.node_values("G0").min()
             self._most = float(cost * extent ** (d - 1) / steps)
         else:
             self._most = static.opening / steps

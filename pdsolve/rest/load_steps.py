@@ -221,7 +221,7 @@ class LoadSteps(Stepper):
         model = self._model
         cost = self._dissipated_and_released_energy(state) - dissipated_before
         crack_area = float(model.horizons.max()) ** (model.grid.dimension - 1)
-        least_cost = crack_area * min(material.G0 for material in model.materials)
+        least_cost = crack_area * float(self._model.node_values("G0").min())
         if step > 1 and load_is_smaller and cost > JUMP * least_cost and not self._warned:
             self._warned = True
             warnings.warn(

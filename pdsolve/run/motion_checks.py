@@ -6,7 +6,7 @@ On a square lattice inverted triangles are found without arrays of all triangles
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 from typing import NamedTuple, cast
 
@@ -14,6 +14,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pdmesh.model.material import Material
 from pdmesh.model.material_constants import critical_stretch
 from pdmesh.model.neighbours import ROUND_OFF, tree_of
 from pdsolve.checks import named, warn
@@ -66,12 +67,7 @@ class InversionAndPrecisionChecks:
         self._apart: NDArray[np.bool_] | None = None  # (n,) nodes whose triangle was not bonded at the start
         self._smallest = float(model.grid.delta.min())
         breaking, ratio = [np.inf], model.settings.horizon.ratio
-        spacings = np.unique(model.grid.delta)
-        has_spacing = np.zeros((len(model.materials), len(spacings)), dtype=np.bool_)
-        has_spacing[model.material_of, np.searchsorted(spacings, model.grid.delta)] = True
-        numbers, columns = np.nonzero(has_spacing)
-        for entries, material in model.material_columns.of(numbers):
-            spacing = spacings[columns[entries]]
+        for spacing, material in _spacings_of_materials(model):
             sizes = Sizes(critical_stretch(material, ratio * spacing), spacing, ratio * spacing, ratio)
             breaking += (limits(material, sizes).peak * spacing).tolist()
         self._breaking = min(breaking)  # m, lengthening that breaks or softens a bond
@@ -176,6 +172,18 @@ class InversionAndPrecisionChecks:
             <= 0
         )
         return corners[turned & ~self._apart[corners[:, 0]]]
+
+
+def _spacings_of_materials(model: Model) -> Iterator[tuple[NDArray[np.float64], Material]]:
+    """The spacings (k,), m, at which there are nodes of materials that differ in numbers alone, and these materials."""
+    delta = model.grid.delta
+    if model.grid.fields:
+        return ((delta[rows], material) for rows, material in model.materials_at(np.arange(len(delta))))
+    spacings = np.unique(delta)
+    has_spacing = np.zeros((len(model.materials), len(spacings)), dtype=np.bool_)
+    has_spacing[model.material_of, np.searchsorted(spacings, delta)] = True
+    numbers, columns = np.nonzero(has_spacing)
+    return ((spacings[columns[some]], material) for some, material in model.material_columns.of(numbers))
 
 
 class _NodeTriangles(NamedTuple):

@@ -76,8 +76,8 @@ class Rule:
         self._margin = 0.5 if corrections.partial_cells else 0.0  # spacings
         self.sight, self.held = sight_of(grid, model.name), unbreakable(model)
         self.farthest = float((model.horizons + self._margin * grid.delta).max())
-        stiffest = max(STIFFNESS[material.plane, material.micromodulus] * material.E for material in model.materials)
-        self._nothing = ROUND_OFF * stiffest
+        stiffness = max(STIFFNESS[material.plane, material.micromodulus] for material in model.materials)
+        self._nothing = ROUND_OFF * stiffness * float(model.node_values("E").max())
 
     @cached_property
     def neighbours(self) -> Neighbours:
@@ -198,7 +198,7 @@ def _mean_of_ends(
 
     The peak keeps the mean energy up to it, the limit the mean total energy; equal ends keep their own values.
     """
-    if len(model.materials) == 1:
+    if not model.varies:
         modulus, peak, limit, no_fail = _of_end(model, pairs, reach, pairs.source, corrections)
         return modulus, np.where(no_fail, np.inf, peak), np.where(no_fail, np.inf, limit)
     modulus, up_to_peak, total_energy = (np.zeros(len(pairs.length)) for _ in range(3))
@@ -227,7 +227,7 @@ def _of_end(
     modulus, peak, limit = (np.zeros(len(pairs.length)) for _ in range(3))
     no_fail = np.zeros(len(pairs.length), dtype=np.bool_)
     ratio, delta = model.settings.horizon.ratio, model.grid.delta
-    for material_rows, material in model.material_columns.of(model.material_of[end]):
+    for material_rows, material in model.materials_at(end):
         length, far, rows = pairs.length[material_rows], reach[material_rows], end[material_rows]
         calibrated = _calibration(model, material, corrections)
         if _has_partial_cells(material, corrections):
@@ -276,7 +276,7 @@ def _corrections_in_space(full: NDArray[np.float64], bond_energy: NDArray[np.flo
 def _full_energy(model: Model, rows: NDArray[np.int64], corrections: Corrections) -> NDArray[np.float64]:
     """Twice the energy density (k,) of the rows in a full lattice of their material, at unit stretch, Pa."""
     full = np.zeros(len(rows))
-    for material_rows, material in model.material_columns.of(model.material_of[rows]):
+    for material_rows, material in model.materials_at(rows):
         calibrated = _calibration(model, material, corrections)
         modulus = C11[material.plane] * calibrated.ratios.c11
         if model.grid.dimension == 3:

@@ -99,7 +99,6 @@ def fill(model: Model) -> BondSource:
     """The families of the model. Raises ModelError, GridError."""
     law_of(model)
     ratio = model.settings.horizon.ratio
-    strength = np.array([model_material.strength or np.inf for model_material in model.materials])
     cost_of = np.array(
         [
             _cost(_unit(model_material), ratio) if model_material.failure in SPENT else np.nan
@@ -109,11 +108,11 @@ def fill(model: Model) -> BondSource:
 
     def limits(rows: NDArray[np.int64], reach: NDArray[np.float64]) -> NDArray[np.float64]:
         limit, numbers = np.full_like(reach, np.inf), model.material_of[rows]
-        for material_rows, material in model.material_columns.of(numbers):
+        for material_rows, material in model.materials_at(rows):
             spent, far = cost_of[numbers[material_rows]], reach[material_rows]
             near = strength_reach(model, material, rows[material_rows], far)
             if material.failure == "stress":
-                limit[material_rows] = strength[numbers[material_rows]]
+                limit[material_rows] = material.strength
             elif material.failure == "stretch":
                 limit[material_rows] = np.sqrt(material.G0 / (spent * material.E * near))
             elif material.failure == "energy":

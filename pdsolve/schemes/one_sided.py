@@ -39,7 +39,7 @@ class Rule:
         pairs = chosen(pairs, self._sight.inside(pairs))
         reach = model.horizons[pairs.source]
         stiffness, peak, limit = (np.zeros(len(pairs.length)) for _ in range(3))
-        for material_rows, material in model.material_columns.of(model.material_of[pairs.source]):
+        for material_rows, material in model.materials_at(pairs.source):
             stiffness[material_rows] = micromodulus(material, pairs.length[material_rows], reach[material_rows])
             critical = critical_stretch(material, reach[material_rows])
             sizes = Sizes(critical, pairs.length[material_rows], reach[material_rows], model.settings.horizon.ratio)

@@ -105,7 +105,8 @@ def _choose_with_reason(model: Model, options: Options) -> tuple[Adapt, str]:
     if model.swells:
         return "none", "its costs are known for mechanics only, and this plate swells by a content"
     hybrid = with_adaptivity(model, "hybrid")
-    refused = next(impossible(Case(hybrid.settings, 2, options.mode, options.precision)), None)
+    case = Case(hybrid.settings, 2, options.mode, options.precision, fields=model.grid.field_quantities)
+    refused = next(impossible(case), None)
     if refused is not None:
         return "none", f"hybrid does not support it, {refused}"
     try:
@@ -153,7 +154,7 @@ def predict_zone_size_and_cost(model: Model, options: Options) -> ZoneSizeAndCos
 def _estimate_largest_strain(model: Model) -> float:
     """The largest strain that a single condition brings to the whole plate."""
     softest = min(material.E for material in model.materials)
-    speed = min(pressure_speed(material) for material in model.materials)
+    speed = min(float(pressure_speed(material)) for material in model.materials)
     sides, strain = np.ptp(model.grid.position, axis=0), 0.0
     for condition in model.settings.conditions:
         most = max((abs(float(factor)) for _, factor in getattr(condition, "profile", ())), default=1.0)

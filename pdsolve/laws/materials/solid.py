@@ -75,12 +75,12 @@ def solid_of(model: Model, kind: Any, dimension: int) -> SolidColumns:
     """Columns of a model's nodes, in this precision."""
     of, first = model.material_of, model.materials[0]
     rate, plastic = first.form == "rate", any(material.solid == "j2" for material in model.materials)
-    moduli = np.array([lame(material.E, material.nu or 0.0) for material in model.materials])[of]
-    yields = np.array([[m.yield_stress or np.inf, m.hardening] for m in model.materials])[of]
+    moduli = lame(model.node_values("E"), model.node_values("nu"))
+    yields = model.node_values("yield_stress", np.inf), model.node_values("hardening")
     history = np.zeros((len(of), 16 if rate else 7 if plastic else 0))
     if rate:
         history[:, [0, 4, 8]] = 1
-    first_, shear, flow, hardening, past = (np.asarray(c, dtype=kind) for c in (*moduli.T, *yields.T, history))
+    first_, shear, flow, hardening, past = (np.asarray(c, dtype=kind) for c in (*moduli, *yields, history))
     kinds = np.array([KINDS[material.solid] for material in model.materials], dtype=np.int8)[of]
     flat = dimension == 2 and first.plane == "stress"
     factor = WAN if first.control == "wan" else first.control_factor

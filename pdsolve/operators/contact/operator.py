@@ -310,9 +310,9 @@ class BondsInContact(Together):
 
 def pair_stiffness(model: Model, contact: Contact) -> NDArray[np.float64]:
     """Stiffness (n,) of two equal nodes in touch over the volumes of both, N/m^(2 d + 1)."""
-    of = np.array([STIFFNESS[material.plane, "constant"] * material.E for material in model.materials])
+    modulus = STIFFNESS[model.materials[0].plane, "constant"] * model.node_values("E")
     horizon = SPACINGS * model.grid.delta
-    return np.asarray(contact.stiffness * of[model.material_of] / horizon ** (model.grid.dimension + 2))
+    return np.asarray(contact.stiffness * modulus / horizon ** (model.grid.dimension + 2))
 
 
 def touch_bound(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -324,7 +324,7 @@ def touch_bound(model: Model, volume: NDArray[np.float64]) -> NDArray[np.float64
     if model.settings.contact is None:
         return np.zeros(len(volume))
     cell, k = model.grid.delta**model.grid.dimension, pair_stiffness(model, model.settings.contact)
-    E = np.array([material.E for material in model.materials])[model.material_of]
+    E = model.node_values("E")
     k /= model.settings.contact.restitution**2
     return np.asarray(TWO_FACES * k * 2 / (1 + E / E.max()) * cell * cell / volume)
 
