@@ -120,6 +120,7 @@ OPTIONS = {
     "dimension": "a body in space",
     "rigid": "condition `rigid`",
     "regions": "`regions`",
+    "fields": "`fields` of the grid file",
     "gap": "`run.gaps`",
     "profile": "`profile` of a load",
 }

@@ -7,6 +7,7 @@ of `pdmesh.model.contradictions.Case`.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import combinations
 from math import prod
 from typing import Any, NamedTuple
@@ -39,6 +40,7 @@ from pdmesh.model.document import (
 )
 from pdmesh.model.mechanical_conditions import Contact
 from pdmesh.model.medium import Medium, Solid
+from pdmesh.model.node_fields import FieldColumn
 from pdmesh.model.node_grid import Bodies, Grid
 from pdmesh.model.possible import impossible
 
@@ -105,6 +107,7 @@ DISCRETIZATION: dict[str, Changes] = {
     "areas of eq. 19": {"area_rule": "eq19"},
     "square areas": {"area_rule": "square"},
     "several materials": {"regions": True},
+    "fields of the material by node": {"fields": ("E",)},
     "strengths of coarse bonds": {"material.coarse": "matched"},
     "isotropic calibration": {"material.calibration": "isotropic"},
 }
@@ -172,8 +175,8 @@ GROUPS = {
     "Execution": EXECUTION,
 }
 SAMPLES: dict[str, Changes] = {name: changes for group in GROUPS.values() for name, changes in group.items()}
-OF_MOTION = ("material.", "contact", "regions", "profile", "run.static")
-OPTIONS = ("mode", "precision", "ranks", "kernel", "disturbances")
+OF_MOTION = ("material.", "contact", "regions", "fields", "profile", "run.static")
+OPTIONS = ("mode", "precision", "ranks", "kernel", "disturbances", "fields")
 
 
 class Sample(NamedTuple):
@@ -207,7 +210,9 @@ def pairs() -> Iterator[tuple[str, str]]:
 def sample(changes: Changes) -> Sample:
     """The model with these changes."""
     grid = lattice(*COUNTS[changes.get("dimension", 2)])
-    return Sample(_with_striker(grid) if changes.get("rigid") else grid, case_of(changes))
+    grid, case = _with_striker(grid) if changes.get("rigid") else grid, case_of(changes)
+    columns = tuple(FieldColumn(name, np.linspace(BOND.E, BOND.E / 2, len(grid))) for name in case.fields)
+    return Sample(replace(grid, fields=columns), case)
 
 
 def case_of(changes: Changes) -> Case:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pdmesh.scene.body import Body
     from pdmesh.scene.conditions import friedlander, ramp
     from pdmesh.scene.heat import Heat
+    from pdmesh.scene.node_fields import Picture, Weibull
     from pdmesh.scene.scene import Scene
     from pdmesh.scene.shapes import Circle, SceneError, UntrustedError
     from pdmesh.scene.solids import Box, Cylinder, Sphere
@@ -38,6 +39,7 @@ else:
             "Material": "pdmesh.model.document",
             "Medium": "pdmesh.model.medium",
             "ParticleRules": "pdmesh.model.document",
+            "Picture": "pdmesh.scene.node_fields",
             "Run": "pdmesh.model.document",
             "Scene": "pdmesh.scene.scene",
             "SceneError": "pdmesh.scene.shapes",
@@ -45,6 +47,7 @@ else:
             "Fatigue": "pdmesh.model.document",
             "Static": "pdmesh.model.document",
             "UntrustedError": "pdmesh.scene.shapes",
+            "Weibull": "pdmesh.scene.node_fields",
             "box": "shapely",
             "build": "pdmesh.drawing.building",
             "build_file": "pdmesh.drawing.file_reading",
@@ -69,12 +72,14 @@ __all__ = [
     "Material",
     "Medium",
     "ParticleRules",
+    "Picture",
     "Run",
     "Scene",
     "SceneError",
     "Sphere",
     "Static",
     "UntrustedError",
+    "Weibull",
     "box",
     "build",
     "build_file",

@@ -386,7 +386,7 @@ RIGHT_ANSWERS = (
     ),
     Mutant(
         "pdmesh/model/fracture_energy.py",
-        "        / calibration(ratio, material_in_dimension, has_partial_cells(material_in_dimension)).stretch\n",
+        "    stretch = stretch / calibration(ratio, in_dimension, has_partial_cells(in_dimension)).stretch\n",
         "",
         "tests/unit/pdmesh/model/test_fracture_energy.py::test_bonds_break_at_the_stretch_that_is_set",
     ),

@@ -129,6 +129,10 @@ def tabulated(scene: S) -> S:
     if isinstance(scene, Body) and any(_functions(other_body.body) for other_body in scene.bodies):
         bodies = tuple(replace(other_body, body=tabulated(other_body.body)) for other_body in scene.bodies)
         scene = replace(scene, bodies=bodies)
+    if any(callable(field.value) for field in scene.fields):
+        plain: Any = replace(scene, fields=())
+        places = build(plain).grid.position
+        scene = replace(scene, fields=tuple(field.tabulated(places) for field in scene.fields))
     if not _functions(scene):
         return scene
     alone = replace(scene, bodies=()) if isinstance(scene, Body) else scene

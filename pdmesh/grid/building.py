@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pdmesh.files import FilePath
-from pdmesh.grid import implicit_lattice, soundness
+from pdmesh.grid import fields_on_nodes, implicit_lattice, soundness
 from pdmesh.grid.adaptive_scene import nested, undivided
 from pdmesh.grid.bodies import build_body
 from pdmesh.grid.bodies_beside import build_scene, each_alone
@@ -56,7 +56,10 @@ def build(scene: Scene | Body) -> Built:
     the drawing.
     """
     try:
-        built = _build(with_files(scene, Path()))
+        scene = with_files(scene, Path())
+        built = _build(scene)
+        grid = fields_on_nodes.with_fields(built.grid, built.settings, scene.fields, scene.spacing)
+        built = replace(built, grid=grid, notes=(*built.notes, *fields_on_nodes.remarks(grid, built.settings)))
     except PlaceError as error:
         raise SceneError(f"conditions: {error}") from None
     twice = two_motions(built.settings.conditions, lambda condition: built.grid.chosen(condition.nodes, condition.box))

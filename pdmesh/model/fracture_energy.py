@@ -12,7 +12,7 @@ import numpy as np
 
 from pdmesh.model.lattice_calibration import calibration, has_partial_cells
 from pdmesh.model.material import UNKNOWN, USUAL_LAW, Material
-from pdmesh.model.material_constants import SQUARED, critical_stretch
+from pdmesh.model.material_constants import SQUARED, Number, critical_stretch
 
 LARGE_STRETCH = 0.1  # at which bonds break: beyond, an E below that of rubber is taken for one in GPa or MPa
 SOFT = 1e6  # Pa, the Young's modulus of rubber
@@ -46,19 +46,17 @@ def with_fracture_energy(material: Material, ratio: float, spacing: float, dimen
         raise ValueError(wrong)
     if material.critical_stretch is None:
         return material
-    material_in_dimension = _in_dimension(material, dimension)
-    stretch = (
-        material.critical_stretch
-        / calibration(ratio, material_in_dimension, has_partial_cells(material_in_dimension)).stretch
-    )
-    G0 = (
-        stretch**2
-        * material.E
-        * ratio
-        * spacing
-        / SQUARED[material_in_dimension.plane, material_in_dimension.micromodulus]
-    )
+    G0 = energy_of_stretch(material.critical_stretch, material.E, material, ratio, spacing, dimension)
     return msgspec.structs.replace(material, G0=float(G0), critical_stretch=None)
+
+
+def energy_of_stretch(
+    stretch: Number, E: Number, material: Material, ratio: float, spacing: float, dimension: int
+) -> Number:
+    """G0, J/m^2, of brittle bonds with this critical stretch and Young's modulus, Pa, on the lattice of a material."""
+    in_dimension = _in_dimension(material, dimension)
+    stretch = stretch / calibration(ratio, in_dimension, has_partial_cells(in_dimension)).stretch
+    return stretch**2 * E * ratio * spacing / SQUARED[in_dimension.plane, in_dimension.micromodulus]
 
 
 def stretch_of_lattice(material: Material, ratio: float, spacing: float, dimension: int) -> float | None:

@@ -55,6 +55,7 @@ NAMED = {
 }  # in numpy
 MOST_BYTES = 2**25  # of a file
 MOST_ROWS = 200_000  # of its table
+LARGEST_OF_PIXELS = 10**8  # of a picture
 WORD = re.compile(r"\s*[\"']?(\w*)")
 C = TypeVar("C", bound=msgspec.Struct)
 
@@ -149,6 +150,21 @@ def _interpolated(table: Table, position: NDArray[np.float64]) -> NDArray[np.flo
     return np.asarray(interpolated)
 
 
+def nearest_at(table: Table, position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (k,) of a table's nearest place at places (k, d). Raises PlaceError for a place outside of the table."""
+    axes = table.axes or AXES[: position.shape[1]]
+    at, places = position[:, [AXES.index(axis) for axis in axes]], np.array(table.places, dtype=float)
+    low, high = places.min(axis=0), places.max(axis=0)
+    outside = np.maximum(np.maximum(low - at, at - high), 0.0).max(axis=1)
+    tree, apart = tree_of(places), 0.0
+    if len(places) > 1:  # places may be the middles of cells
+        apart = max(BEYOND * float((high - low).max()), float(np.median(tree.query(places, k=2)[0][:, 1])))
+    if len(places) > 1 and outside.max(initial=0.0) > apart:
+        place = ", ".join(f"{number:g}" for number in position[outside.argmax()])
+        raise PlaceError(f"the node at ({place}) m is outside of its table; use a table that covers it")
+    return np.asarray(np.array(table.values, dtype=float)[tree.query(at)[1]])
+
+
 def with_tables(conditions: Sequence[C], folder: Path, dimension: int, place: str) -> tuple[C, ...]:
     """The conditions with the tables of files in a folder in place of their names.
 
@@ -170,17 +186,8 @@ def with_tables(conditions: Sequence[C], folder: Path, dimension: int, place: st
 def read_table(words: str, folder: Path, dimension: int) -> Table:
     """The table of a file in a folder; `words` are ``FILE`` or ``FILE.csv:COLUMN``. Raises PlaceError."""
     name, _, column = (part.strip() for part in words.partition(":"))
-    if Path(name).name != name or not name.isprintable() or "\\" in name:
-        raise PlaceError(
-            f"the file {name!r:.80} cannot be used; give the name of one beside the model, without a folder"
-        )
-    path = folder / name
-    try:
-        if path.resolve().parent != folder.resolve():
-            raise PlaceError(f"{name} is a link out of the folder; use a file beside the model")
-        data = read_bytes(path, MOST_BYTES)
-    except OSError as error:
-        raise PlaceError(f"{name}: cannot be read: {error.strerror or error}") from None
+    column = column.lower()  # as names of columns are read
+    data = _bytes_beside(name, folder)
     header, rows = (None, _array(data, name)) if name.lower().endswith(".npy") else _columns(data, name)
     header = header or [*AXES[:dimension], "value"]
     if len(header) != rows.shape[1] or len(set(header)) != len(header):
@@ -197,6 +204,42 @@ def read_table(words: str, folder: Path, dimension: int) -> Table:
     if wrong is not None:
         raise PlaceError(f"{name}: {wrong}")
     return table
+
+
+def array_of_nodes(name: str, folder: Path) -> NDArray[np.float64] | None:
+    """The numbers (n,) of a .npy file in a folder; None for any other file or array. Raises PlaceError."""
+    if not name.lower().endswith(".npy"):
+        return None
+    try:
+        numbers = np.load(io.BytesIO(_bytes_beside(name, folder)), allow_pickle=False)
+    except (ValueError, EOFError, OSError):
+        return None
+    return np.asarray(numbers, dtype=float) if numbers.ndim == 1 and numbers.dtype.kind in "fiu" else None
+
+
+def path_beside(name: str, folder: Path) -> Path:
+    """The path of a file in a folder. Raises PlaceError for one that is elsewhere."""
+    if Path(name).name != name or not name.isprintable() or "\\" in name:
+        raise PlaceError(
+            f"the file {name!r:.80} cannot be used; give the name of one beside the model, without a folder"
+        )
+    path = folder / name
+    try:
+        if path.resolve().parent != folder.resolve():
+            raise PlaceError(f"{name} is a link out of the folder; use a file beside the model")
+        path.stat()
+    except OSError as error:
+        raise PlaceError(f"{name}: cannot be read: {error.strerror or error}") from None
+    return path
+
+
+def _bytes_beside(name: str, folder: Path) -> bytes:
+    """The bytes of a file in a folder. Raises PlaceError."""
+    path = path_beside(name, folder)
+    try:
+        return read_bytes(path, MOST_BYTES)
+    except OSError as error:
+        raise PlaceError(f"{name}: cannot be read: {error.strerror or error}") from None
 
 
 def _columns(data: bytes, name: str) -> tuple[list[str] | None, NDArray[np.float64]]:

@@ -34,6 +34,7 @@ from pdmesh.scene.faces import SIDES, parsed
 from pdmesh.scene.functions_of_place import Function, ValueOfPlace, without_functions
 from pdmesh.scene.heat import Heat, Physics, physics_of
 from pdmesh.scene.mechanical_conditions import MechanicalConditions
+from pdmesh.scene.node_fields import PlacedField
 from pdmesh.scene.pressed_edges import CRACK, named_crack
 from pdmesh.scene.shapes import SceneError, checked_spacing
 from pdmesh.scene.solids import NodeCloud, Sheet, Shell, Solid, checked, name_of
@@ -110,6 +111,7 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
     cracks: tuple[CrackFace, ...] = ()
     regions: tuple[SolidRegion[Region], ...] = ()
     conditions: tuple[SolidCondition, ...] = ()
+    fields: tuple[PlacedField, ...] = ()  # constants of the material by node
     medium: Medium | Heat | None = None  # what a substance or heat diffuses through
     media: tuple[SolidRegion[MediumRegion], ...] = ()  # parts of another diffusivity
     bodies: tuple[SolidBeside, ...] = ()  # no bonds join them to this one or to each other

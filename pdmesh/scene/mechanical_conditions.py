@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Literal, Self
 
 import msgspec
 import shapely
@@ -23,6 +23,7 @@ from pdmesh.model.document import (
 from pdmesh.scene import actions
 from pdmesh.scene.conditions import Conditioned, Profile, W
 from pdmesh.scene.functions_of_place import ValueOfPlace, VectorOfPlace
+from pdmesh.scene.node_fields import PlacedField, placed
 from pdmesh.scene.shapes import SceneError
 
 Vector = Sequence[float]  # along each axis
@@ -49,6 +50,7 @@ class MechanicalConditions(Conditioned[W]):
     AXES: ClassVar[str]
     run: Run
     touching: Contact | None
+    fields: tuple[PlacedField, ...]
 
     def contact(
         self, friction: float = 0.0, stiffness: float = 15.0, distance: float = 1.0, restitution: float = 1.0
@@ -56,6 +58,25 @@ class MechanicalConditions(Conditioned[W]):
         """With bodies, and faces of cracks, that push each other apart; the settings are those of `Contact`."""
         settings = {"friction": friction, "stiffness": stiffness, "distance": distance, "restitution": restitution}
         return self._changed(touching=actions.converted(settings, Contact, "contact"))
+
+    def vary(self, quantity: str, value: Any, region: str = "", rule: Literal["linear", "nearest"] = "linear") -> Self:
+        """With a constant of the material that differs by node, in place of that of the node's material.
+
+        Parameters
+        ----------
+        quantity
+            E, rho, G0 or the critical_stretch of brittle bonds, f_t, strength, nu, yield_stress, hardening, alpha.
+        value
+            A function of place f(x, y) or f(x, y, z), m; an expression such as "70e9 * (1 + x / 0.1)"; an array in the
+            order of nodes; a `Weibull`, which multiplies the values so far; a `Picture`; or the name of a file: .npy
+            with an array in the order of nodes or rows of coordinates and value, .csv, FILE.vtu or FILE.vtk with :NAME.
+        region
+            Name of the region whose nodes have it; all nodes by default.
+        rule
+            Between the places of a file: linear, or that of the nearest place. Nodes must not be outside of the places
+            by more than a tenth of their extent.
+        """
+        return self._changed(fields=(*self.fields, placed(quantity, value, region, rule)))
 
     def load(
         self,

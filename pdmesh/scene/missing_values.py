@@ -29,9 +29,15 @@ def with_files(scene: S, folder: Path) -> S:
         except PlaceError as error:
             raise SceneError(f"{describe(condition.action)}: {str(error).removeprefix('[0].')}") from None
         changed.append(condition if action is condition.action else replace(condition, action=action))
-    if all(new is old for new, old in zip(changed, scene.conditions, strict=True)):
+    fields = []
+    for field in scene.fields:
+        try:
+            fields.append(field.read(folder, dimension))
+        except PlaceError as error:
+            raise SceneError(f"{field.place}: {error}") from None
+    if all(new is old for new, old in zip((*changed, *fields), (*scene.conditions, *scene.fields), strict=True)):
         return scene
-    return replace(scene, conditions=tuple(changed))  # type: ignore[arg-type]
+    return replace(scene, conditions=tuple(changed), fields=tuple(fields))  # type: ignore[arg-type]
 
 
 def known(scene: S) -> S:

@@ -17,6 +17,7 @@ from pdmesh.quantities import Unit
 from pdmesh.scene.conditions import MaterialRegion, PlacedCondition, PlacedRegion
 from pdmesh.scene.edges import METRE, edge
 from pdmesh.scene.heat import Heat, Physics, physics_of
+from pdmesh.scene.node_fields import PlacedField
 from pdmesh.scene.shapes import Curve, Shape, Surface, parts, surface
 from pdmesh.scene.slits import Crack, Slit, slits_of
 
@@ -76,6 +77,7 @@ class Plate(PlainFields):
     cracks: tuple[Crack, ...] = ()
     regions: tuple[MaterialRegion, ...] = ()
     conditions: tuple[PlacedCondition, ...] = ()
+    fields: tuple[PlacedField, ...] = ()  # constants of the material by node
     bodies: tuple[BodyBeside, ...] = ()  # no bonds join them to the plate or to each other
     touching: Contact | None = None  # how bodies and faces of cracks push each other apart
     medium: Medium | Heat | None = None  # what a substance or heat diffuses through

@@ -37,6 +37,7 @@ class _Model(Settings, frozen=True, kw_only=True):
     notch: tuple[Crack, ...] = ()
     nodes: msgspec.Raw = msgspec.Raw()
     areas: msgspec.Raw = msgspec.Raw()
+    fields: msgspec.Raw = msgspec.Raw()
     lattice: msgspec.Raw = msgspec.Raw()
     bodies: msgspec.Raw = msgspec.Raw()
     version: int = 1

@@ -137,6 +137,7 @@ def test_schema_names_every_key() -> None:
         "media",
         "contact",
         "bodies",
+        "fields",
     }
     kinds = {
         "load",
