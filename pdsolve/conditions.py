@@ -138,11 +138,6 @@ def driving_conditions(model: Model) -> list[tuple[int, Driving]]:
     return [(number, condition) for number, condition in numbered if isinstance(condition, Driving)]
 
 
-def has_initial_displacement(model: Model) -> bool:
-    """Whether nodes are displaced at time 0."""
-    return has_conditions(model.settings, InitialDisplacement)
-
-
 def initial_displacement(model: Model, drive: Drive | None, width: int) -> NDArray[np.float64]:
     """Displacements (n, width) at time 0, m, from initial ones and from what is prescribed then by a `drive`."""
     displacement = np.zeros((len(model.grid), width))

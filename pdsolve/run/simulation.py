@@ -16,10 +16,11 @@ from numpy.typing import NDArray
 
 from pdmesh import stopping
 from pdmesh.files import FilePath
+from pdmesh.model.document import InitialDisplacement
 from pdsolve.adaptivity.hybrid.adaptivity_choice import error_of_too_late_fine_zone
 from pdsolve.checks import warn_of_doubtful_conditions, warn_of_model, warn_of_unused
 from pdsolve.codegen.compile_time import compile_seconds, processor_kind, running_time
-from pdsolve.conditions import has_initial_displacement
+from pdsolve.conditions import has_conditions
 from pdsolve.errors import CheckpointError, FineZoneTooLateError, UnstableError
 from pdsolve.model import Model, ModelError, model_of, on_device
 from pdsolve.numerics.memory import give_back
@@ -185,7 +186,7 @@ def _begin(stage: Stage, job: Job) -> OpenRun:
     # A run that goes back was saved before: to stop loses nothing
     with stopping.patience(stopping.AT_ONCE) if stage.refinement_thresholds else nullcontext():
         prepared = prepare(stage.model, stage.options)
-    if has_initial_displacement(stage.model):
+    if has_conditions(stage.model.settings, InitialDisplacement):
         prepared = apply_initial_displacements(prepared)
     system, state = start_in_static_equilibrium(prepared) if stage.model.settings.run.start == "static" else prepared
     warn_of_unused(stage.model)
