@@ -75,10 +75,7 @@ def findings() -> list[Finding]:
     complete = {"landlock", "seccomp"} <= set(stand.split()) and not ended
     cure = "drawings of others are read behind limits of memory and time alone (Linux on x86-64 has more)"
     walls = Finding("sandbox for drawings", complete, stand or ended or "none", cure, needed=False)
-    devices, ended = _child(DEVICES)  # in a process of its own: drivers may crash
-    cure = "pdsolve --device opencl needs one; all else works"
-    opencl = Finding("OpenCL", not ended, devices or ended.removeprefix("device: "), cure, needed=False)
-    return [python, *packages, _gmsh(), walls, ffmpeg, cores, kernels, opencl, *extras]
+    return [python, *packages, _gmsh(), walls, ffmpeg, cores, kernels, _devices(), *extras]
 
 
 def lines(findings: list[Finding]) -> list[str]:
@@ -102,6 +99,13 @@ def _gmsh() -> Finding:
         return Finding("Gmsh", False, f"not installed; {NEEDED}, all else works", "pip install gmsh")
     cure = f"on Debian and Ubuntu: apt-get install {SYSTEM_LIBRARIES}"
     return Finding("Gmsh", False, f"cannot be loaded ({ended}); {NEEDED}, all else works", cure)
+
+
+def _devices() -> Finding:
+    """Finding about OpenCL devices, which a process of its own asks for: drivers may crash."""
+    devices, ended = _child(DEVICES)
+    cure = "pdsolve --device opencl needs one; all else works"
+    return Finding("OpenCL", not ended, devices or ended.removeprefix("device: "), cure, needed=False)
 
 
 def _child(code: str, *words: str) -> tuple[str, str]:

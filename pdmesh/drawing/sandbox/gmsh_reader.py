@@ -84,12 +84,7 @@ def _read(job: dict[str, Any], file: TextIO) -> None:
         else:
             _open(gmsh, job, gmsh_output)
     except Exception as error:  # gmsh raises bare Exception
-        message = " ".join(str(error).split())
-        if not message:  # as Gmsh raises if its memory is not enough
-            spacings = _spacings(gmsh_output["parameters"])
-            spacing = f" (it is {_finest(spacings):g})" if spacings else ""
-            message = f"{WITHOUT_WORDS}; a larger spacing{spacing} needs fewer triangles"
-        gmsh_output["messages"].append(message)
+        gmsh_output["messages"].append(" ".join(str(error).split()) or _silent(gmsh_output["parameters"]))
     kinds = (
         ("Error",) if gmsh_output.get("points") == [] else ("Warning", "Error")
     )  # no shape is needed to refuse zones
@@ -288,3 +283,9 @@ def _sample(gmsh: Any, curve: int, tolerance: float) -> list[list[float]]:
 
 if __name__ == "__main__":
     main(sys.argv[1])
+
+
+def _silent(parameters: list[dict[str, Any]]) -> str:
+    """What to say of an error without a message, as Gmsh raises if its memory is not enough."""
+    spacing = f" (it is {_finest(_spacings(parameters)):g})" if _spacings(parameters) else ""
+    return f"{WITHOUT_WORDS}; a larger spacing{spacing} needs fewer triangles"
