@@ -18,7 +18,7 @@ class Named(Protocol):
 
     @property
     def name(self) -> str:
-        """Its name, which parts of it share."""
+        """The name of the pre-crack, which its parts share."""
 
 
 C = TypeVar("C", bound=Named)

@@ -73,7 +73,8 @@ class Operator(Forces, Protocol):
         """A bound (n,) of each node's stiffness, N/m^4: steps up to sqrt(2 rho / it) are stable for densities rho."""
 
     def intact_stiffness_bound(self) -> NDArray[np.float64] | None:
-        """The same with the bonds that are left: of families it may grow as others break. None: it never grows."""
+        """A bound (n,) of each node's stiffness, N/m^4, with the bonds that are left; it may grow in families whose
+        bonds break. None: it never grows."""
 
     def march(self, motion: Motion) -> Stepper | None:
         """What takes steps in the operator's own sweeps, which sum forces and move nodes; None: Verlet calls

@@ -62,7 +62,7 @@ class Together:
         return np.asarray(sum(part.stiffness_bound() for part in self.parts))
 
     def intact_stiffness_bound(self) -> NDArray[np.float64] | None:
-        """That of the bonds, which are the last part."""
+        """A bound (n,) of each node's stiffness, N/m^4, with the bonds that are left: that of the last part."""
         return self.parts[-1].intact_stiffness_bound()
 
     def march(self, motion: Motion) -> Stepper | None:

@@ -45,6 +45,6 @@ def tangent_of_springs(
 def tangent_of_ground_springs(
     row: NDArray[np.integer], axis: NDArray[np.integer], stiffness: NDArray[np.float64], shape: tuple[int, ...]
 ) -> csr_array:
-    """The same of springs (b,), N/m^4 or N/m, from components of nodes to the ground; displacements have `shape`."""
+    """Minus the derivative, N/m^4 or N/m, of forces by displacements of `shape`, of springs (b,) to the ground."""
     at, size = shape[1] * row.astype(np.int64) + axis, shape[0] * shape[1]
     return coo_array((stiffness, (at, at)), shape=(size, size)).tocsr()

@@ -35,7 +35,7 @@ class Bending(NamedTuple):
 def bending_of_places(
     numbering: LatticeNumbering, coordinates: NDArray[np.float64], weights: NDArray[np.float64]
 ) -> Bending:
-    """That of places that move with nodes (p, m, d), in fine spacings, by `weights` (p, m)."""
+    """Bending of places that move with nodes at `coordinates` (p, m, d), in fine spacings, by `weights` (p, m)."""
     middle = np.einsum("pm,pmd->pd", weights, coordinates)
     x = coordinates - middle[:, None]
     bending = np.einsum("pm,pmi,pmj->pij", weights, x, x)
