@@ -227,8 +227,8 @@ class Model:
     def node_values(self, name: str, missing: float = 0.0) -> NDArray[np.float64]:
         """A constant (n,) of each node's material or of the field in its place; `missing` where it has none."""
         values = (getattr(material, name) for material in self.materials)
-        of_materials = np.array([missing if value is None else value for value in values])
-        return with_field(self.grid.fields, name, of_materials[self.material_of])
+        of_nodes = np.array([missing if value is None else value for value in values])[self.material_of]
+        return with_field(self.grid.fields, name, of_nodes) if self.grid.fields else of_nodes
 
     @cached_property
     def material_of(self) -> NDArray[np.int64]:
