@@ -1,4 +1,4 @@
-"""Chooses the tests of packages that users may leave out: `make optional`, or pytest -p optional.
+"""Chooses the tests of packages that users may leave out, and of a browser: `make optional`, or pytest -p optional.
 
 Other commands skip these tests. Here a skipped one is a failure, as its package is then missing or new.
 A last line says whether the tests of devices ran, which need an OpenCL runtime that knows this processor.
@@ -17,6 +17,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 MODULES = {"py-rattler-build": "rattler_build"}  # where the module is called otherwise than the package
 SKIPS = re.compile(r"importorskip\((\"(\w+)\"|NEEDS\[\w+\])")
+BROWSER = re.compile(r"\bchromium: Browser\b")  # the fixture of tests that are skipped without Chromium
 skipped: list[str] = []
 
 
@@ -28,8 +29,8 @@ def modules() -> set[str]:
 
 
 def needs_optional(source: str, optional: set[str]) -> bool:
-    """Whether a test, by its source, is skipped without an optional module."""
-    return any(name in optional or not name for _, name in SKIPS.findall(source))
+    """Whether a test, by its source, is skipped without an optional module or without a browser."""
+    return bool(BROWSER.search(source)) or any(name in optional or not name for _, name in SKIPS.findall(source))
 
 
 def pytest_ignore_collect(collection_path: Path) -> bool | None:

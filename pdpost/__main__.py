@@ -29,6 +29,7 @@ from pdpost.commands import (
     study,
     tradeoff,
     verify,
+    view,
 )
 
 OF_PLATES = ("bonds", "compare", "fatigue", "nodes", "tradeoff")
@@ -60,6 +61,7 @@ def parser() -> argparse.ArgumentParser:
         notch,
         sql,
         verify,
+        view,
     ):
         group.add(commands)
     return program

@@ -70,6 +70,7 @@ COMMANDS: dict[str, list[str]] = {  # the words behind a command
     "study": ["-o", "out.png"],
     "render": ["-o", "out.png"],
     "report": ["-o", "out.html"],
+    "view": ["-o", "out.html"],
     "animate": ["-o", "out.gif"],
 }
 XDMF = ["-o", "out.xdmf"]

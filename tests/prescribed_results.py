@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pdsolve.results import Breaks, Families, FrameRecord, Nodes, Results
+from pdsolve.run.measures import EnergyBalanceRow
 
 
 def plate(side: int = 13, spacing: float = 1e-3, horizon: float = 3.01, jitter: float = 0.0) -> tuple[Nodes, Families]:
@@ -56,6 +58,7 @@ def results_of(
     model: object = MODEL,
     cracks: NDArray[np.float64] | None = None,
     path: Path | None = None,
+    ledger: Sequence[EnergyBalanceRow] = (),
 ) -> Results:
     """Results, in memory or at `path`: a frame, at step 10, of displacements (n, d), and bonds (step, node, neighbour)
     broken."""
@@ -69,7 +72,7 @@ def results_of(
     meta = {"time_step": 1e-6, "model": json.dumps(model)} | ({"dimension": 3} if d == 3 else {})
     writer = create_writer(path, nodes, part, cracks, meta)
     breaks = Breaks(*np.array(broken, dtype=np.int64).reshape(-1, 3).T)
-    writer.write(FrameRecord(10, 1e-5, dict(zip(("ux", "uy", "uz"), u.T, strict=False)), breaks, [], [], {}))
+    writer.write(FrameRecord(10, 1e-5, dict(zip(("ux", "uy", "uz"), u.T, strict=False)), breaks, ledger, [], {}))
     if path is not None:
         writer.close("finished")
         return Results.open(path)

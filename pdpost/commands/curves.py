@@ -89,6 +89,7 @@ def _place(name: str, *counts: int) -> Any:
 
 def _history(args: argparse.Namespace) -> int:
     from pdmesh.model.output_fields import FIELDS
+    from pdsolve.measures.histories import usual_history_nodes
     from pdsolve.measures.json_keys import fields_by_json_key
     from pdsolve.results import Results
 
@@ -98,7 +99,8 @@ def _history(args: argparse.Namespace) -> int:
         if len(results.masses()) and not moves:
             return _masses(args, results, path)
         parts = list(dict.fromkeys(args.components or ["magnitude"]))
-        places = args.places or _usual(results)
+        usual = () if args.places else usual_history_nodes(results)
+        places = args.places or [("--node", (float(node),)) for node in usual]
         curves = [_curve(results, place, args.quantity, part) for place in places for part in parts]
         if path is not None:
             from pdpost.figures import charts, style
@@ -147,21 +149,6 @@ def _masses(args: argparse.Namespace, results: Results, path: Path | None) -> in
     ways = (f"{way}, {unit}" for way in ("inside", "gone out", "supplied"))
     header = ("step", "time, s", *ways, "solid", "dissolved, mol", "surface", "share left", "error")
     return shared.deliver(args, result, lines, header, zip(*books, strict=True), path)
-
-
-def _usual(results: Results) -> list[Place]:
-    """Places of the default history: the probes, or else the node with the largest final displacement."""
-    from functools import reduce
-
-    import numpy as np
-
-    from pdsolve.measures.frame_steps import last_frame, vector
-
-    probed = np.unique(results.probes()["node"])
-    if len(probed):
-        return [("--node", (float(node),)) for node in probed]
-    displacement = reduce(np.hypot, vector(results, "displacement", last_frame(results)).T)
-    return [("--node", (float(results.nodes().ids[int(np.nanargmax(displacement))]),))]
 
 
 def _curve(results: Results, place: Place, *what: str) -> NodeHistory:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pdmesh.model import node_arrays
 from pdmesh.model.output_fields import of_dimension
 from pdsolve.measures.fields import FieldError
-from pdsolve.measures.frame_steps import frames, vector
+from pdsolve.measures.frame_steps import frames, last_frame, vector
 from pdsolve.results import Nodes, Results, ResultsError
 
 OUTSIDE = 1.5  # spacings: a place further from every node is not of the plate
@@ -61,6 +61,18 @@ def node_history(
     )
     value = np.array([frame_values[0] if len(frame_values) else np.nan for frame_values in values])
     return NodeHistory(label, component, (node,), "frames", time, value, value, value, place, 0.0)
+
+
+def usual_history_nodes(results: Results) -> list[int]:
+    """Ids of the nodes of the default history: the probes, or else the node with the largest final displacement.
+
+    Raises ResultsError.
+    """
+    probed = np.unique(results.probes()["node"])
+    if len(probed):
+        return [int(node) for node in probed]
+    displacement = reduce(np.hypot, vector(results, "displacement", last_frame(results)).T)
+    return [int(results.nodes().ids[int(np.nanargmax(displacement))])]
 
 
 def nearest_node_history(

@@ -45,6 +45,7 @@ COMMANDS = {  # what is written to: who writes
     "film.gif": ["pdpost", "animate", "small.sqlite", "--stride", "2"],
     "crack.png": ["pdpost", "crack", "small.sqlite"],
     "report.html": ["pdpost", "report", "small.sqlite"],
+    "page.html": ["pdpost", "view", "small.sqlite"],
     "frame.vtu": ["pdpost", "export", "small.sqlite"],
     "frame.csv": ["pdpost", "export", "small.sqlite"],
     "frames.pvd": ["pdpost", "export", "small.sqlite"],

@@ -75,6 +75,7 @@ WORDS = {  # a call of each command; those that find nothing to show in these re
     "pdpost compare": "small.sqlite small.sqlite -o both.png",
     "pdpost tradeoff": "small.sqlite --reference small.sqlite",
     "pdpost sql": "small.sqlite",
+    "pdpost view": "small.sqlite --export page.html",
     "pdpost study": "study.sqlite",
     **{f"pdpost {name}": "small.sqlite" for name in ALIKE.split()},
 }

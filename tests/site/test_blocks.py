@@ -81,6 +81,7 @@ NOT_RUN = {  # commands that no test can run, and why
     "pip install 'pdsuite[opencl]'": "a package index",
     "pip install 'pdsuite[mpi]'": "a package index",
     "mpiexec -n 8 pdsolve plate.json": "a cluster; see tests/cli/test_ranks.py",
+    "pdpost view duran50.sqlite --open": "it serves until Ctrl-C; see tests/unit/pdpost/browser",
     "pdsolve study study.toml --scheduler tls://host:8786": "the address of a cluster",
 }
 NEEDS = {

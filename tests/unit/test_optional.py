@@ -33,6 +33,7 @@ def test_tests_are_chosen_by_what_they_ask_for() -> None:
     assert {"h5py", "netCDF4"} <= modules
     assert optional.needs_optional('pytest.importorskip("vtk")', modules)
     assert optional.needs_optional("pytest.importorskip(NEEDS[suffix])", modules)
+    assert optional.needs_optional("def test_page(chromium: Browser) -> None:", modules)
     assert not optional.needs_optional('pytest.importorskip("gmsh", exc_type=OSError)', modules)
 
 

@@ -1,0 +1,1 @@
+"""A run in the browser: the page, its data, a server on the loopback address, and one file that works offline."""
