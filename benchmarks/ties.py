@@ -86,12 +86,6 @@ def table() -> str:
     return markdown_table(["plate", "ties", *LAWS], rows)
 
 
-def per_spacing(wide: int) -> float:
-    """The share by which K1 of an edge crack half-way across grows with a spacing of crack."""
-    shorter, longer = (np.sqrt(part) * edge_shape(part) for part in (0.5 - 0.5 / wide, 0.5 + 0.5 / wide))
-    return float(np.log(longer / shorter))
-
-
 def _model(material: Material, ties: str, kind: str, wide: int) -> Model:
     """Three widths tall with an edge crack, four half widths with a centre crack, half a width being the unit then."""
     columns, rows = (wide, 3 * wide) if kind == "edge" else (2 * wide, 4 * wide)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from plates import ROOT
 
-from benchmarks.ties import INDEPENDENT, LAWS, ONE_WAY, felt, per_spacing
+from benchmarks.specimens import edge_shape
+from benchmarks.ties import INDEPENDENT, LAWS, ONE_WAY, felt
 
 CLOSE = 0.005
 KNOWN = {
@@ -47,7 +48,9 @@ def test_mirrored_ties_turn_no_tip() -> None:
         assert abs(found.leans) < 1e-8  # measured 1e-13
         K1[ties] = found.K1
     assert K1["left"] < felt("bonds", ONE_WAY, wide=20).K1 < K1["cut"]
-    assert np.log(K1["cut"] / K1["left"]) / per_spacing(20) == pytest.approx(1 / 3, abs=0.05)  # measured 0.356
+    # by which K1 grows with a spacing of crack, half-way across
+    shorter, longer = (np.sqrt(part) * edge_shape(part) for part in (0.5 - 0.5 / 20, 0.5 + 0.5 / 20))
+    assert np.log(K1["cut"] / K1["left"]) / np.log(longer / shorter) == pytest.approx(1 / 3, abs=0.05)  # measured 0.356
 
 
 def test_the_page_has_numbers_within_reach_of_the_other_code() -> None:
