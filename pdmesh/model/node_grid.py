@@ -196,7 +196,7 @@ def document_of(grid: Grid, settings: Settings) -> Document:
         holes=tuple(tuple(map(tuple, ring.tolist())) for ring in grid.holes),
         areas=None if grid.lattice is not None or grid.areas is None else tuple(grid.areas.tolist()),
         bodies=() if grid.bodies is None else records_of(grid.bodies, grid.ids),
-        fields=field_records_of(grid.fields),
+        fields=field_records_of(grid.fields) if grid.fields else (),
         source=grid.source,
         drawing=grid.drawing,
         parameters=dict(grid.parameters),
