@@ -31,6 +31,7 @@ EXTRAS = {
     "distributed": ("studies on a cluster", "pip install 'pdsuite[study]'"),
     "mpi4py": ("one run on many ranks", "pip install 'pdsuite[mpi]'"),
     "pyvista": ("pdpost render, how bodies look", "pip install 'pdsuite[render]'"),
+    "jupyter_threejs_sage": ("pdpost view, a run in the browser", "pip install 'pdsuite[view]'"),
     "shtab": ("completion in the shell", "pip install 'pdsuite[completion]'"),
 }
 
