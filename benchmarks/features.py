@@ -30,6 +30,7 @@ from pdmesh.model.document import (
     InitialConcentration,
     InitialDisplacement,
     InitialVelocity,
+    Load,
     Pin,
     Region,
     RigidBody,
@@ -121,6 +122,7 @@ CONDITIONS: dict[str, Changes] = {
     "absorbing layers": {"conditions": (lambda at: Absorb(box=at.right),)},
     "corrected grips": {"conditions": (lambda at: Displacement(box=at.high, x=0.0, corrected=True),)},
     "springs": {"conditions": (lambda at: Spring(box=at.right, body_stiffness=(1e12,) * at.dimension),)},
+    "following pressure": {"conditions": (lambda at: _following_pressure(at.dimension),)},
     "pins": {"conditions": (lambda at: Pin(box=at.middle, centre=(27 * H, 6.5 * H)),)},
     "accelerations": {"conditions": (lambda at: Acceleration(box=at.upper, x=1e3),)},
     "velocities": {"conditions": (lambda at: Velocity(box=at.middle, x=1e-3),)},
@@ -282,6 +284,14 @@ def places_of(dimension: int) -> Places:
 
 def _spin(at: Places) -> float | tuple[float, float, float]:
     return 1.0 if at.dimension == 2 else (0.0, 0.0, 1.0)
+
+
+def _following_pressure(dimension: int) -> Load:
+    """A pressure on a piece of the left side."""
+    vectors = ((-H,) + (0.0,) * (dimension - 1),) * 2
+    face = (0.0, 2 * H, 0.0, 0.0) if dimension == 2 else (0.0, 0.0, 0.0, 0.0, 0.0, 2 * H, 0.0, 2 * H, 0.0)
+    first = COUNTS[dimension][0] + 1
+    return Load(nodes=(first, 2 * first - 1), pressure=1e3, area_vectors=vectors, following=True, faces=(face,))
 
 
 def _usual_conditions(settings: Settings, at: Places, changes: Changes) -> Iterator[AnyCondition]:

@@ -4,7 +4,7 @@
     Physical Volume("zone:NAME")               Zones/NAME/Spacing, Grown (1)
     Physical Surface("crack:NAME")             -
     Physical Surface or Volume("load:NAME")    Loads/NAME/Traction, Body force or (total) Force x, y, z; *
-    Physical Surface("load:NAME")              Loads/NAME/Pressure of a face, or Face "crack NAME"; *
+    Physical Surface("load:NAME")              Loads/NAME/Pressure, Following (0), of a face, or Face "crack NAME"; *
     Physical Surface or Volume("fix:NAME")     Fixes/NAME/Components (xyz), Displacement x, y, z; *
     Physical Surface or Volume("move:NAME")    Moves/NAME/Velocity, Acceleration or Initial velocity x, y, z; *
     Physical Surface or Volume("spring:NAME")  Springs/NAME/Stiffness x, y, z of a face, or Body stiffness x, y, z

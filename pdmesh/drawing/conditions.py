@@ -1,7 +1,7 @@
 """What groups and parameters of a drawing add to a scene, a plate or a body: conditions, regions, other bodies.
 
 group                parameters below Peridynamics/
-"load:NAME"          Loads/NAME/Traction x, y, z, or Body force x, y, z, or Force x, y, z, or Pressure; *
+"load:NAME"          Loads/NAME/Traction x, y, z, or Body force x, y, z, or Force x, y, z, or Pressure, Following (0); *
 "fix:NAME"           Fixes/NAME/Components (all), Displacement x, y, z; *
 "move:NAME"          Moves/NAME/Velocity x, y, z, or Acceleration, or Initial velocity, or Initial displacement; *
 "spring:NAME"        Springs/NAME/Stiffness x, y, z, or Body stiffness x, y, z; * but Profile
@@ -153,12 +153,13 @@ def acted_on(scene: S, places: Places, parameters: Parameters) -> S:
         load_components = _filled(_given(parameters, folder, LOADS, scene.AXES))
         pressure = parameters.of_place(f"{folder}/Pressure")
         load_components |= {} if pressure is None else {"pressure": pressure}
+        following = parameters.flag(f"{folder}/Following", False)
         if not load_components:
             raise SceneError(
                 f"parameter '{PREFIX}{folder}/Traction x' is missing; give a number (or Traction"
                 f" {' or '.join(scene.AXES[1:])}, or of Body force or Force, or Pressure)"
             )
-        scene = scene.load(where, name=name, **load_components, **_shared(parameters, folder))
+        scene = scene.load(where, name=name, following=following, **load_components, **_shared(parameters, folder))
     for name, where, folder in places["fix"]:
         # displacements by axis, m; None for one that is free
         component_choices = [

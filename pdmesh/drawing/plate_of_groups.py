@@ -4,7 +4,7 @@
     Physical Surface("zone:NAME")             Zones/NAME/Spacing, Grown (1)
     Physical Curve("crack:NAME")              -
     Physical Curve or Surface("load:NAME")    Loads/NAME/Traction x, y, Body force x, y or (total) Force x, y; *
-    Physical Curve("load:NAME")               Loads/NAME/Pressure of an edge, or Edge "crack NAME"; *
+    Physical Curve("load:NAME")               Loads/NAME/Pressure, Following (0), of an edge, or Edge "crack NAME"; *
     Physical Curve or Surface("fix:NAME")     Fixes/NAME/Components (xy), Displacement x, y; *
     Physical Point("fix:NAME" or "load:NAME") the same of the one node nearest to it, for loads Force x, y
     Physical Point("gap:NAME")                - (two points, between which the opening is monitored)

@@ -316,7 +316,7 @@ def _pressed(
     volume = np.concatenate([level.volume for level in body_nodes.levels])[rows]
     vectors = nodal_areas(faces, *at_rows, volume)
     changed: dict[str, object] = {"area_vectors": tuple(map(tuple, vectors.tolist()))}
-    return changed | ({"faces": faces} if of_crack else {})
+    return changed | ({"faces": faces} if load.following or of_crack else {})
 
 
 def _found(

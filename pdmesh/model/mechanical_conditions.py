@@ -79,8 +79,9 @@ class Load(Condition, frozen=True, kw_only=True, tag="load", tag_field="kind"):
     less. A force (N/m of a plate, N of a body in space) is shared by its nodes by area or volume.
 
     A pressure pushes against faces, along their normals. Each node has an area vector of them in ``area_vectors``, m or
-    m^2, which points out of the material. That of a pre-crack has its ``faces`` too: segments (x0, y0, x1, y1) with the
-    material on their left, or triangles that turn anticlockwise as seen from outside, m.
+    m^2, which points out of the material. That of a pre-crack, and one that is ``following``, which stays normal to its
+    faces as they move and turn, have ``faces`` too: segments (x0, y0, x1, y1) with the material on their left, or
+    triangles that turn anticlockwise as seen from outside, m.
     """
 
     body_force: Vector | None = None
@@ -92,6 +93,7 @@ class Load(Condition, frozen=True, kw_only=True, tag="load", tag_field="kind"):
     shares: tuple[Share, ...] | None = None  # of each of `nodes`, of what a node on a loaded edge has of its traction
     pressure: Value | None = None
     area_vectors: tuple[NumbersAlongAxes, ...] | None = None  # of each of `nodes`
+    following: bool = False
     faces: tuple[Face, ...] | None = None
 
 

@@ -26,6 +26,7 @@ from pdmesh.model.document import (
     GridError,
     InitialDisplacement,
     InitialVelocity,
+    Load,
     OfDiffusion,
     OfMechanics,
     Pin,
@@ -242,6 +243,7 @@ RESTITUTION = Feature("a restitution below 1", setting("contact.restitution"), "
 RIGID = Feature("rigid bodies", conditions(RigidBody), why=", as a body is rigid")
 SPRINGS = Feature("springs", conditions(Spring), "a load, a displacement or a velocity")
 PINS = Feature("pins", conditions(Pin), "a load, a displacement or a velocity")
+FOLLOWING = Feature("following pressure", conditions(Load, key="following"), "false", ", as a pressure is following")
 ACCELERATION = Feature("accelerations", conditions(Acceleration), "a load, a displacement or a velocity")
 VELOCITY = Feature("velocities", conditions(Velocity, InitialVelocity))
 SPIN = Feature("an initial spin", conditions(InitialVelocity, key="spin"), "0")
@@ -375,6 +377,8 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(DEVICE, STIFFNESS_DAMPING, NOISE),
     *excluded(DEVICE, HEAT, use="mechanics or diffusion"),
     *excluded(DEVICE, ADAPTIVE, COLLOCATION, PARTICLES, KINETIC, CORRESPONDENCE, MICROPOLAR),
+    *excluded(STATIC, FOLLOWING, because=" (use a dynamic run with damping)"),
+    *excluded(FOLLOWING, START, ADAPTIVE, DEVICE, RANKS, STIFFNESS_DAMPING, THESIS),
     *excluded(DEVICE, CONTACT, RIGID, SPRINGS, PINS, use="none"),
     *excluded(RANKS, STATIC, IMPLICIT, use="explicit"),
     *excluded(RANKS, HEAT, use="mechanics or diffusion"),

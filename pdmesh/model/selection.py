@@ -28,7 +28,7 @@ from pdmesh.model.document import (
 from pdmesh.model.mechanical_conditions import wrong_spin, wrong_spring
 from pdmesh.model.node_arrays import Grid
 from pdmesh.model.values_at_places import values_at
-from pdmesh.model.values_of_place import PlaceError, Value, named, varying, wrong_value
+from pdmesh.model.values_of_place import PlaceError, Value, is_of_place, named, varying, wrong_value
 
 WHOLES = {2: "a plate", 3: "a body in space"}
 LOADS = ("body_force", "traction", "force", "pressure")
@@ -147,8 +147,12 @@ def _check_pressure(load: Load, place: str) -> None:
     vectors, nodes = load.area_vectors or (), load.nodes or ()
     if load.pressure is not None and (not vectors or len(vectors) != len(nodes)):
         raise GridError(f"{place}.area_vectors has {len(vectors)} vectors; give one for each of {len(nodes)} nodes")
-    if load.pressure is None and (load.area_vectors is not None or load.faces is not None):
-        raise GridError(f"{place}: area_vectors and faces are of a pressure; leave them out, or give one")
+    if load.pressure is None and (load.area_vectors is not None or load.faces is not None or load.following):
+        raise GridError(f"{place}: area_vectors, faces and following are of a pressure; leave them out, or give one")
+    if load.following and not load.faces:
+        raise GridError(f"{place}.faces is missing; give those of a pressure that is following")
+    if load.following and is_of_place(load.pressure):
+        raise GridError(f"{place}.pressure varies with place; use a number, as it is following")
 
 
 def _check_components(condition: AnyCondition, dimension: int, place: str) -> None:

@@ -190,7 +190,8 @@ class PlacedCondition:
             vectors = nodal_areas(self.faces, position[rows], delta[rows], cells)
             changes |= {"area_vectors": tuple(map(tuple, vectors.tolist()))}
             changes |= {"shares": tuple(parts.tolist())} if self.pulls else {}
-            changes |= {"faces": self.faces} if self.of_crack else {}
+            following = isinstance(self.action, Load) and self.action.following
+            changes |= {"faces": self.faces} if following or self.of_crack else {}
         if isinstance(self.action, Spring) and self.action.stiffness is not None:
             changes |= {"rows": self.place.rows, "length": float(self.place.shape.length)}
         if isinstance(self.action, Concentration | Exchange) and isinstance(self.place.shape, Curve):

@@ -20,6 +20,7 @@ from pdmesh.model.document import (
     Run,
     Spring,
 )
+from pdmesh.model.values_of_place import is_of_place
 from pdmesh.scene import actions
 from pdmesh.scene.conditions import Conditioned, Profile, W
 from pdmesh.scene.functions_of_place import ValueOfPlace, VectorOfPlace
@@ -90,15 +91,20 @@ class MechanicalConditions(Conditioned[W]):
         force: Vector | None = None,
         *,
         pressure: ValueOfPlace | None = None,
+        following: bool = False,
     ) -> Self:
         """With a traction (Pa) on a curve, a sheet or a side; or a body force (N/m^3) or a total `force` (N, in a
         plate per metre of thickness) there or in a shape or a solid.
 
         A `pressure` (Pa) pushes against an edge or a face, or, `where` is "crack NAME", against both faces of that
-        pre-crack.
+        pre-crack. If it is `following`, it turns with them and grows with their area, in dynamic runs.
         """
         values = {"traction": traction, "body_force": body_force, "force": force, "pressure": pressure}
-        return self._acting(Load, values, where, rows, name, profile=profile, breakable=breakable)
+        if following and (pressure is None or callable(pressure) or is_of_place(pressure)):
+            what = "is not a pressure" if pressure is None else "varies with place"
+            raise SceneError(f"load '{name or self._named(where, 'load')}' {what}; use a pressure that is a number")
+        more = {"following": True} if following else {}
+        return self._acting(Load, values, where, rows, name, profile=profile, breakable=breakable, **more)
 
     def spring(
         self,

@@ -12,11 +12,12 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.document import Load
 from pdmesh.model.materials.solids import SOLIDS
 from pdsolve.bonds.assembly import Bonds, BondSource, BondStatistics, FamilyCounts, Scheme, listed
 from pdsolve.bonds.static_breakage import FamilyBonds, StaticBreakage
 from pdsolve.checks import refuse_fields
-from pdsolve.conditions import Drive, damping, drive, initial_acceleration, initial_velocity, widened
+from pdsolve.conditions import Drive, conditions_of, damping, drive, initial_acceleration, initial_velocity, widened
 from pdsolve.device.families import FamiliesOnDevice, FluxesOnDevice
 from pdsolve.device.runtime import Session
 from pdsolve.device.tiles import BlocksOnDevice, TilesOnDevice
@@ -36,12 +37,13 @@ from pdsolve.numerics.team import Team
 from pdsolve.operators.bond_list import BondList
 from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.contact.operator import BondsInContact, PenaltyContact, touch_bound
+from pdsolve.operators.following_pressure import FollowingPressure
 from pdsolve.operators.ghosts import Ghosts
 from pdsolve.operators.ground_supports import GroundSupports, supported, supports_of
 from pdsolve.operators.protocol import BondLayout, Motion, Operator
 from pdsolve.operators.softening_shear import softening_of
 from pdsolve.operators.stiffness_damping import add_stiffness_damping, damped_stable_time_step
-from pdsolve.operators.together import unwrap_bond_operator
+from pdsolve.operators.together import Together, unwrap_bond_operator
 from pdsolve.options import Options, threads_of
 from pdsolve.ranks.diffusing import EulerOnRanks
 from pdsolve.rest.arc_length import ArcLengthSteps
@@ -168,6 +170,12 @@ def _add_ground_supports(model: Model, volume: NDArray[np.float64], bonds: Opera
     return supported(model, volume, bonds) if model.has_supports else bonds
 
 
+def _add_following_pressure(model: Model, volume: NDArray[np.float64], operator: Operator) -> Operator:
+    """The operator with what pressure that follows its faces adds to its dead part. `volume` (n,), m^d."""
+    loads = [load for _, load in conditions_of(model.settings, Load) if load.following]
+    return Together(FollowingPressure(model, loads, volume, operator.unknowns), operator) if loads else operator
+
+
 def add_penalty_contact(
     model: Model, volume: NDArray[np.float64], bond_operator: Operator
 ) -> tuple[Operator, PenaltyContact | None]:
@@ -275,7 +283,8 @@ def prepare_explicit_motion(model: Model, options: Options, scheme: Scheme, bond
     filling, particles = scheme.fill(model), model.settings.run.cracks == "particles"
     filling = StaticBreakage(filling).filling() if particles else filling  # of which none breaks by itself
     bonds, filled = make_operator(model, options, scheme, filling, particles, bonds_swell)
-    operator, touching = add_penalty_contact(model, filled.area, _add_ground_supports(model, filled.area, bonds))
+    standing = _add_following_pressure(model, filled.area, _add_ground_supports(model, filled.area, bonds))
+    operator, touching = add_penalty_contact(model, filled.area, standing)
     bound = compute_stable_time_step(model, operator)
     prepared = assemble_system(model, options, scheme, operator, filled, choose_time_step(model, bound), bound)
     if touching is not None:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from pressure_cracks import MATERIAL, A, E, P, exact_of_penny, line_crack, opening_of_line, penny, solved
+from pressure_cracks import MATERIAL, NU, A, E, P, exact_of_penny, line_crack, opening_of_line, penny, solved
 
-from pdmesh import Circle, Run, Scene, build
+from pdmesh import Circle, Material, Run, Scene, box, build, friedlander
 from pdsolve.measures.intensities_3d import compute_front_intensities
 from pdsolve.measures.stress_intensities import follow_tip_intensities
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.run.simulation import simulate
+from pdsolve.results import Results
+from pdsolve.run.simulation import resume, simulate
 
 
 @pytest.mark.slow
@@ -91,3 +94,67 @@ def test_a_penny_has_sneddons_opening_volume_and_intensity() -> None:
     assert front.value["K1"][known].mean() / K - 1 == pytest.approx(0.0148, abs=2e-3)
     assert np.ptp(front.value["K1"][known]) < 0.005 * K
     assert front.value["J"][known].mean() * E / (1 - 1 / 16) / K**2 - 1 == pytest.approx(-0.015, abs=3e-3)
+
+
+def tube(following: bool) -> Scene:
+    """A tube of nearly incompressible rubber with b = 2 a, whose pressure grows to 0.23337 of its shear modulus."""
+    shear, nu, rho = 1e6, 0.49, 1000.0
+    rubber = Material(
+        E=2 * shear * (1 + nu), nu=nu, rho=rho, G0=1e9, model="correspondence", solid="neo hooke", plane="strain"
+    )
+    period = 8 * A / np.sqrt(shear / rho)
+    run = Run(duration=6 * period, damping=2 * np.pi / period, every=10**6)
+    ring = Scene(Circle(0, 0, 2 * A), A / 8, rubber, run=run).hole(Circle(0, 0, A))
+    ramp = ((0.0, 0.0), (2 * period, 1.0))
+    return ring.load("hole nearest 0,0", pressure=0.23337 * shear, profile=ramp, following=following)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore:.*run.damping took")
+@pytest.mark.parametrize(("following", "widened"), [(True, 1.1960), (False, 1.1632)])
+def test_a_pressure_that_follows_widens_a_rubber_tube(following: bool, widened: float) -> None:
+    """r(a) / a = 1.2 of an incompressible neo-Hookean tube; a dead pressure loses the factor r(a) / a."""
+    built = build(tube(following))
+    with simulate(Model(built.grid, built.settings), None, Options(threads=1)) as results:
+        step = int(results.frames()[0][-1])
+        u = np.column_stack([results.field(name, step) for name in ("ux", "uy")])
+        books = results.history()[-1]
+    r, moved = np.hypot(*built.grid.position.T), np.hypot(*(built.grid.position + u).T)
+    near = r < 1.125 * A
+    assert np.sqrt(1 + (moved**2 - r**2)[near].mean() / A**2) == pytest.approx(widened, abs=1e-3)
+    left = books["strain"] + books["kinetic"] + books["damped"]
+    assert books["work"] == pytest.approx(left, rel=1e-6)
+
+
+@pytest.mark.slow
+def test_a_run_with_a_following_pressure_resumes_bit_identically(tmp_path: Path) -> None:
+    ring = Scene(Circle(0, 0, 2 * A), A / 8, MATERIAL, run=Run(steps=40, every=20)).hole(Circle(0, 0, A))
+    built = build(ring.load("hole nearest 0,0", pressure=1e9, following=True, profile=((0.0, 0.0), (1e-5, 1.0))))
+    model, path = Model(built.grid, built.settings), tmp_path / "stopped.sqlite"
+    simulate(model, path, Options(threads=1), lambda progress: progress.step == 23).close()
+    resume(path, threads=1).close()
+    with simulate(model, None, Options(threads=1)) as whole, Results.open(path) as again:
+        assert np.array_equal(whole.field("ux", 40), again.field("ux", 40))
+        assert np.array_equal(whole.history(), again.history())
+
+
+@pytest.mark.slow
+def test_a_plate_under_blast_takes_up_its_impulse() -> None:
+    """Momentum is the impulse of the pressure, with its suction; the middle of a plate that cannot widen moves with
+    p / (rho c) as the wave passes, within 5 %."""
+    blast = friedlander(4e-5, 1.0)
+    plate = Scene(box(0, 0, 0.2, 0.04), 1e-3, MATERIAL, 4, run=Run(duration=6e-5, every=5))
+    plate = plate.fix("top", x=None).fix("bottom", x=None).load("left", pressure=P, profile=blast)
+    built = build(plate)
+    with simulate(Model(built.grid, built.settings), None, Options(threads=1)) as results:
+        books, steps = results.history(), results.frames()[0]
+        middle = np.flatnonzero((np.abs(results.nodes(0).position - [0.1, 0.02]) < [1e-4, 6e-3]).all(axis=1))
+        speed = np.array([results.field("vx", int(step))[middle].mean() for step in steps])
+        time = steps * float(results.meta()["time_step"])
+    at = np.linspace(0, books["time"], 4001)
+    impulse = 0.04 * P * np.trapezoid(np.interp(at, *np.array(blast).T), at, axis=0)
+    assert books["momentum_x"][1:] == pytest.approx(impulse[1:], rel=5e-3)
+    c = np.sqrt(E / (1 - NU**2) / 2500)
+    passing = (time > 0.1 / c + 5e-6) & (time < 0.1 / c + 3e-5)
+    exact = P / (2500 * c) * np.interp(time - 0.1 / c, *np.array(blast).T)
+    assert speed[passing].mean() / exact[passing].mean() == pytest.approx(0.954, abs=0.01)  # the lattice is stiffer

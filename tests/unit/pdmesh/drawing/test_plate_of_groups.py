@@ -200,6 +200,7 @@ def test_a_pressure_on_a_group_an_edge_and_a_pre_crack() -> None:
         "Loads/top/Pressure": "1e8 * x",
         "Loads/side/Pressure": 2e6,
         "Loads/side/Edge": "right",
+        "Loads/side/Following": 1.0,
         "Loads/slit/Pressure": 3e6,
         "Loads/slit/Edge": "crack slit",
         "Loads/slit/Profile": "friedlander 1e-6 2",
@@ -208,6 +209,7 @@ def test_a_pressure_on_a_group_an_edge_and_a_pre_crack() -> None:
     named = {f"Peridynamics/{name}": value for name, value in (base | values).items()}
     loads = build_grid(scene_of([PLATE, TOP, slit], named, "test.geo"))[1].conditions
     assert [getattr(load, "pressure", None) for load in loads] == ["1e8 * x", 2e6, 3e6]
+    assert [getattr(load, "following", None) for load in loads] == [False, True, False]
     sums = [np.array(getattr(load, "area_vectors", ())).sum(axis=0) for load in loads]
     assert sums == [pytest.approx(total, abs=1e-12) for total in ([0, 0.02], [0.01, 0], [0, 0])]
 

@@ -116,6 +116,8 @@ def test_it_may_vary_with_place() -> None:
         (lambda: PLATE.crack(SLIT, "c").load("crack c", traction=(0, 1e6)), naming("crack c")),
         (lambda: PLATE.load("right", pressure=(1e6, 0)), naming("pressure", expected="number")),
         (lambda: PLATE.load("right", pressure=1e6, profile=((0, 1), (0, 0))), naming("profile")),
+        (lambda: PLATE.load("right", pressure="x", following=True), naming("place", expected="number")),
+        (lambda: PLATE.load("right", traction=(1, 0), following=True), naming("is not a pressure")),
         (lambda: build(BODY.load(INNER, pressure=1e6)), naming("inside", expected="crack NAME")),
         (lambda: BODY.load(brick((0, 0, 0), (1e-3, 1e-3, 1e-3)), pressure=1e6), naming("faces")),
         (lambda: BODY.load("crack c", pressure=1e6), naming("crack 'c'", expected="none")),
@@ -134,7 +136,9 @@ def test_what_it_cannot_act_on(add: object, message: str) -> None:
         ({"area_vectors": None}, naming("area_vectors", found="0")),
         ({"area_vectors": ((1.0, 0.0, 0.0),) * 21}, naming("area_vectors", found="3", expected="2")),
         ({"pressure": None, "force": (1.0, 0.0)}, naming("pressure")),
-        ({"faces": ((0.0,) * 9,)}, naming("faces", found="9", expected="4")),
+        ({"following": True}, naming("faces")),
+        ({"following": True, "faces": ((0.0,) * 9,)}, naming("faces", found="9", expected="4")),
+        ({"following": True, "faces": ((0.0, 0, 0, 1),), "pressure": "x"}, naming("place", expected="number")),
     ],
 )
 def test_what_a_grid_file_may_not_say(changes: dict[str, object], message: str) -> None:
