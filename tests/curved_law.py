@@ -1,4 +1,4 @@
-"""A pair law that is curved and softens, which no kernel that is stored knows."""
+"""Pair laws that are curved, one of which softens, which no kernel that is stored knows."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ from pdsolve.laws.pair import PairColumns, pair_law
 
 
 class Curved(PairColumns):
+    pass
+
+
+class Unsoftened(PairColumns):
     pass
 
 
@@ -43,3 +47,5 @@ def softening_slope(law, worst, peak, limit):
 SOFTENING = Softening(dissipated_energy, total_dissipated_energy, softening_slope)
 FUNCTIONS = {"secant": secant, "bond_strain_energy": bond_strain_energy, "softening": SOFTENING}
 LAW = pair_law(Curved, Pair(limits=limits, **FUNCTIONS))
+UNSOFTENED = pair_law(Unsoftened, Pair(limits=limits, secant=secant, bond_strain_energy=bond_strain_energy))
+OWN = {"curved": LAW, "unsoftened": UNSOFTENED}  # by the names that tests give them

@@ -60,8 +60,8 @@ class Difference(NamedTuple):
 
 def material(law: str, dimension: int) -> Material:
     """Glass of a law, also of one that no table of the program has."""
-    if law == "curved":
-        LAWS[law] = curved_law.LAW
+    if law in curved_law.OWN:
+        LAWS[law] = curved_law.OWN[law]
     return msgspec.structs.replace(glass(law), plane="stress" if dimension == 2 else "space", micromodulus="constant")
 
 

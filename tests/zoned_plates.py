@@ -178,11 +178,18 @@ def slope(shape: Any, x: NDArray[np.float64], speed: float) -> NDArray[np.float6
 STEEL = Material(E=191e9, rho=8000, G0=42408, plane="strain")
 
 
+STRUCK: dict[str, dict[str, Any]] = {
+    "brittle": {},
+    "bilinear": {"kr": 1.638, "keep_G0": True},
+    "cohesive": {"f_t": 8e8, "shape": "exponential"},
+}  # what steel has besides its law
+
+
 def struck(adapt: str, steps: int = 170, law: str = "brittle") -> Model:
-    """Kalthoff and Winkler's plate of steel, 2 mm between nodes; its bonds may soften."""
+    """Kalthoff and Winkler's plate of steel, 2 mm between nodes; its bonds may soften, or have a law of one's own."""
     grid = rectangle(50, 100, 2e-3, [(0, 37.5, 25, 37.5), (0, 62.5, 25, 62.5)])
     impact = Velocity(box=(-1.0, 75e-3, 1e-4, 125e-3), x=15.0 if law == "bilinear" else 16.5)
-    material = msgspec.structs.replace(STEEL, law=law, kr=1.638, keep_G0=True) if law == "bilinear" else STEEL
+    material = msgspec.structs.replace(STEEL, law=law, **STRUCK.get(law, {"kr": 2.0}))
     run = Run(steps=steps, every=34, ledger=17, adapt=adapt)
     return plate(grid, 4, material=material, conditions=(impact,), run=run)
 

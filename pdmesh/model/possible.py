@@ -35,7 +35,6 @@ from pdmesh.model.document import (
     Velocity,
 )
 from pdmesh.model.material import USUAL_LAW, Material
-from pdmesh.model.materials import MIXED
 from pdmesh.model.materials.kind import softens
 from pdmesh.model.materials.solids import SOLIDS
 from pdmesh.model.mechanical_conditions import Contact, Grip, RigidBody
@@ -256,7 +255,6 @@ ORDINARY = Feature("ordinary", models("ordinary"), "bond")
 CORRESPONDENCE = Feature("correspondence", models("correspondence"), "bond or ordinary")
 MICROPOLAR = Feature("micropolar", models("micropolar"), "bond or ordinary")
 BEAMS = Feature("micropolar beams", materials("model", lambda m: m.model == "micropolar" and not softens(m)), OTHERS)
-CURVED = Feature("cohesive or own laws", materials("law", lambda m: m.law not in MIXED), f"{USUAL_LAW} or bilinear")
 COHESIVE = Feature("cohesive bonds", materials("law", lambda m: m.law == "cohesive"), f"{USUAL_LAW} or bilinear")
 LAW = Feature("laws other than brittle", materials("law", lambda m: m.law != USUAL_LAW), USUAL_LAW)
 DIFFRACTION = Feature("diffraction", materials("sight", lambda m: m.sight != "visibility"), "visibility")
@@ -363,7 +361,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(SPLIT, ACCELERATION, SPIN, DISPLACED, SPRINGS),
     *excluded(BONDS_COLLOCATED, ACCELERATION, SPIN, DISPLACED, SPRINGS),
     *excluded(HYBRID, HEATING, because=" (coarse nodes have no heat of deformation)"),
-    *excluded(HYBRID, CURVED, DIFFRACTION, THESIS),
+    *excluded(HYBRID, DIFFRACTION, THESIS),
     *excluded(PLATES, ORDINARY, use=LAST),
     *excluded(ADAPTIVE, STATE_BASED, use="bond (or --adapt none)"),
     *excluded(ADAPTIVE, STIFFNESS_DAMPING, because=" (the march of moving zones has no stiffness matrix)"),

@@ -6,7 +6,8 @@ ways     (k,) places from a node to its neighbours
 weights  stiffnesses of the lanes' own: None, those of the table; (., 2, k) uint16, a bit for each lane with a bond and
          for each with half a bond; or (., k, 16), 0 without a bond; those of `entry`; or a tuple of one such (k, 16)
          and bits (., k) uint16 of the lanes whose bond is cut, of which `entry` is one
-edges    (., k, 16) e up to which nothing happens to a bond, or None: 0
+edges    (., k, 16) e up to which nothing happens to a bond; None: 0; or a tuple: 0, of |e|
+history  what the law of bonds that are more than stiffnesses needs; see `pdsolve.lattice.row_histories`
 shrink   (m,) minus half the strain of a free node: a bond is relieved of that of both ends; or None
 lane, p  the first lane, and its place
 s        scratch for the forces: x in the first 16, then y
@@ -36,6 +37,7 @@ from pdsolve.lattice.bond import (
 )
 from pdsolve.lattice.force_polynomials import NARROW, WIDE
 from pdsolve.lattice.layout import ONE
+from pdsolve.lattice.row_histories import secant_weight
 
 
 @overloaded(IN_PLACE)
@@ -67,9 +69,11 @@ def _listed_weight_unless_cut(weights, w, e, entry, slot, lane):  # type: ignore
 
 @overloaded(IN_PLACE)
 def beyond_edge(edges, e, entry, slot, lane):  # type: ignore[no-untyped-def]
-    """How far e is beyond its edge, or e without any."""
+    """How far e is beyond its edge; e without any, or |e|."""
     if isinstance(edges, types.NoneType):
         return lambda edges, e, entry, slot, lane: e
+    if isinstance(edges, types.BaseTuple):
+        return lambda edges, e, entry, slot, lane: magnitude(e)
     return lambda edges, e, entry, slot, lane: e - beside(edges[np.uint64(entry)], ONE, slot * ROW + lane)[0]
 
 
@@ -97,7 +101,7 @@ def _make_row_sum(factor: Any, reach: float) -> Any:
     """
 
     @njit(**IN_PLACE)
-    def add(u, axes, table, ways, weights, edges, shrink, entry, lane, p, limit, s):  # type: ignore[no-untyped-def]
+    def add(u, axes, table, ways, weights, edges, history, shrink, entry, lane, p, limit, s):  # type: ignore[no-untyped-def]
         here, near, f = beside(u, axes, p), shrinkage(shrink, p), zeros(u, axes)
         top, size = same(u, -1.0), same(u, 0.0)  # an e is above -1
         for number in range(len(ways)):
@@ -107,7 +111,8 @@ def _make_row_sum(factor: Any, reach: float) -> Any:
             w, e = same(u, row[where_weight(len(axes))]), elongation(eta, row)
             w, e = own_weight(weights, w, e, entry, number, lane)
             top, size = larger(beyond_edge(edges, e, entry, number, lane), top), larger(magnitude(e), size)
-            f = pulled(f, w * e * factor(e), eta, row)
+            g = factor(e)
+            f = pulled(f, secant_weight(history, w, e, g, entry, number, lane) * e * g, eta, row)
         for axis in range(len(f)):
             keep((f[axis],), s, axis * ROW)
         far = any_beyond(size, same(u, reach)) if reach < np.inf else False

@@ -185,6 +185,16 @@ def largest_stretches(
     return _memories(tiles, tiles.worst, sites, source, slot, np.zeros(len(source)))
 
 
+def curves_of_bonds(
+    tiles: Tiles, sites: Sites, source: NDArray[np.int64], slot: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Peaks and limits (b,), infinite of unbreakable bonds, and largest stretches of bonds under a curved law."""
+    place, never = sites.site[source], tiles.cells[UNBREAKABLE].astype(np.float64)
+    beyond = never[place] + never[place + tiles.offsets[slot]]
+    worst = largest_stretches(tiles, sites, source, slot)
+    return tiles.peak[0, slot] + beyond, tiles.limit[0, slot] + beyond, worst
+
+
 def _memories(
     tiles: Tiles,
     table: NDArray[np.floating],

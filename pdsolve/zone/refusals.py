@@ -15,6 +15,13 @@ def check_one_spacing(model: Model) -> None:
         raise create_unsupported_error(model, "$.nodes", "of several spacings", use)
 
 
+def check_straight_at_rest(model: Model, stretch: float) -> None:
+    """Raise ModelError for a law for whose bonds coarse springs can stand up to no `stretch`."""
+    if stretch == 0:
+        law = f"{model.place_of(0)}.law", f"'{model.materials[0].law}'"
+        raise create_unsupported_error(model, *law, "a law whose secant at rest is 1")
+
+
 def create_unsupported_error(model: Model, setting: str, actual: str, expected: str) -> ModelError:
     """A ModelError that names the adaptivity and what it does not support."""
     use = f"{expected}, as run.adapt is {model.settings.run.adapt}"

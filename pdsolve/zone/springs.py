@@ -29,8 +29,8 @@ class Springs(NamedTuple):
     family_dx: NDArray[np.int64]  # (k,) spacings to the neighbour
     family_dy: NDArray[np.int64]
     spring_table: NDArray[np.float64]  # (k, 8) xi, 2 xi / |xi|^2, 1 / |xi|^2, k (N/m^2)
-    peak_stretch: float  # stretch beyond which a bond softens; where it is the limit, it is brittle
-    limit_stretch: float  # stretch at which a bond breaks
+    peak_stretch: NDArray[np.float64]  # (k,) stretch beyond which a bond softens; where it is the limit, it is brittle
+    limit_stretch: NDArray[np.float64]  # (k,) stretch at which a bond breaks
     c11: float  # N/m^2
     c66: float
 
@@ -70,11 +70,11 @@ def _create_family_springs(
     n_x, n_y = (xi / length[:, None]).T
     stiffness = c / length  # of a lattice of spacing 1 and horizon `ratio`, which has the same springs
     c11, c66 = (float(0.5 * np.sum(c * length * term)) for term in (n_x**4, (n_x * n_y) ** 2))
-    horizon = np.array([ratio * h])
+    horizon = np.full(len(xi), ratio * h)
     critical = calibration(ratio, material, has_partial_cells(material)).stretch * critical_stretch(material, horizon)
-    stretch = limits(material, Sizes(critical, np.full(1, h), horizon, ratio))
+    stretch = limits(material, Sizes(critical, length * h, horizon, ratio))
     dx, dy = np.round(xi.T).astype(np.int64)
-    return Springs(dx, dy, _spring_table(xi * h, stiffness), float(stretch.peak[0]), float(stretch.limit[0]), c11, c66)
+    return Springs(dx, dy, _spring_table(xi * h, stiffness), stretch.peak, stretch.limit, c11, c66)
 
 
 def coarse_springs(fine: Springs, h: float) -> Springs:

@@ -13,7 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array, eye_array, kron
 
-from pdsolve.operators.tangent import of_green_springs, of_springs
+from pdsolve.laws.law import Law
+from pdsolve.operators.tangent import of_curves, of_green_springs, of_springs
+
+
+class BondCurves(NamedTuple):
+    """The law of bonds (b,), and what it needs of them."""
+
+    law: Law
+    peak: NDArray[np.float64]
+    limit: NDArray[np.float64]
+    worst: NDArray[np.float64]  # largest stretch above the peak, 0 if never there
 
 
 class SpringsBetweenPoints(NamedTuple):
@@ -24,6 +34,7 @@ class SpringsBetweenPoints(NamedTuple):
     xi: NDArray[np.float64]  # (b, d) m
     stiffness: NDArray[np.float64]  # of Green's strain force over |xi| and strain, of others force over stretch
     uses_green_strain: bool
+    curve: BondCurves | None = None  # of bonds whose force is no straight line
 
 
 def tangent_of_springs(
@@ -36,6 +47,10 @@ def tangent_of_springs(
     u, axes = point_weights @ value, value.shape[1]
     matrix = csr_array((axes * len(u), axes * len(u)))
     for each in springs:
+        if each.curve is not None:
+            law, *history = each.curve
+            matrix += of_curves(law, each.source, each.target, each.xi, (each.stiffness, *history), u)
+            continue
         of = of_green_springs if each.uses_green_strain else of_springs
         matrix += of(each.source, each.target, each.xi, each.stiffness, u)
     points = kron(point_weights, eye_array(axes)).tocsr()

@@ -16,7 +16,6 @@ from plates import ROOT
 from pdsolve.laws import LAWS
 
 OWN = "curved"  # a law that is added as users add theirs: in a process whose kernels nobody else loads
-ZONED = ("brittle", "bilinear")  # zones refuse other laws
 TOLERANCE = {"float64": 1e-14, "float32": 1e-6}  # measured 2e-15 and 3e-7
 CASES = [
     Case(law, kernel, dimension, precision)
@@ -24,7 +23,6 @@ CASES = [
     for law in (*LAWS, OWN)
     for kernel in kernels
     for precision in TOLERANCE
-    if kernel != "zone" or law in ZONED
 ]
 QUICK = {(2, "blocks"), (2, "graded")}  # of brittle bonds in double precision
 

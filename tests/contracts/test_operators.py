@@ -52,6 +52,9 @@ class Case(NamedTuple):
     digits: float = 1e-12
 
 
+COHESIVE = msgspec.structs.replace(GLASS, law="cohesive", shape="exponential", f_t=6e7)
+
+
 def notched(run: Run, **more: Any) -> Model:
     """Glass with a crack from the left edge, that spins slowly."""
     start = (InitialVelocity(box=(0.0, 0.0, 1.0, 0.02), x=0.5), InitialVelocity(box=(0.02, 0.0, 1.0, 1.0), y=-0.3))
@@ -120,12 +123,14 @@ CASES = {
     "space, graded, float32": Case(graded, Run(), "blocks", "float32", 5e-3),
     "split": Case(notched, Run(adapt="split", split=Split())),
     "hybrid": Case(notched, Run(adapt="hybrid")),
+    "hybrid, softening": Case(partial(notched, material=COHESIVE), Run(adapt="hybrid")),
     "space, hybrid": Case(on_cells, Run(adapt="hybrid")),
     "collocation": Case(stencilled, Run(adapt="collocation", collocation=Collocation(damped=True))),
 }
 DOUBLE = [name for name, case in CASES.items() if case.precision == "float64"]
 ENERGETIC = (  # stencils have no energy
     "listed", "blocks", "together", "space, listed", "space, blocks", "space, graded", "split", "hybrid",
+    "hybrid, softening",
     "space, hybrid",
 )  # fmt: skip
 DEAR = (

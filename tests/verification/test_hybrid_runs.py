@@ -84,10 +84,12 @@ def test_fine_everywhere_it_is_the_uniform_plate() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("law", ["brittle", "bilinear"])
+@pytest.mark.parametrize("law", ["brittle", "bilinear", "cohesive"])
 def test_fine_everywhere_a_cut_costs_what_it_does_in_the_uniform_plate(law: str) -> None:
     """Half of a plate leaves the other half at 20 m/s: bonds take some steps to break, and match their work alike."""
-    glass = msgspec.structs.replace(GLASS, law=law, kr=2.0 if law == "bilinear" else 1.0)
+    glass = msgspec.structs.replace(
+        GLASS, law=law, kr=2.0 if law == "bilinear" else 1.0, f_t=8e7 if law == "cohesive" else None
+    )
     leaves = InitialVelocity(box=(-1.0, -1.0, 0.0101, 1.0), x=-20.0)
     grid, settings = rectangle(20, 12, 1e-3), {"material": glass, "conditions": (leaves,)}
     models = [
@@ -158,7 +160,7 @@ def test_a_pulled_plate_cracks_as_the_uniform_one() -> None:
 @pytest.mark.slow
 @pytest.mark.quick_cases(1)
 @pytest.mark.skipif(cores() < 2, reason="one core")
-@pytest.mark.parametrize("law", ["brittle", "bilinear"])
+@pytest.mark.parametrize("law", ["brittle", "bilinear", "cohesive"])
 def test_threads_do_not_show(law: str) -> None:
     """A zone that moves, bonds that break and soften, held nodes: one thread and two come to the same bits."""
     found = []

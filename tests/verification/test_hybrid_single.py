@@ -18,9 +18,9 @@ from pdsolve.run.simulation import prepare, resume, simulate
 pytestmark = pytest.mark.slow
 
 
-@pytest.fixture(scope="module", params=["brittle", "bilinear"])
+@pytest.fixture(scope="module", params=["brittle", "bilinear", "cohesive"])
 def solved(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> tuple[str, Path]:
-    """A struck plate of either law in single precision."""
+    """A struck plate of each law in single precision."""
     path = tmp_path_factory.mktemp("single") / "whole.sqlite"
     simulate(struck("hybrid", law=request.param), path, Options(threads=1, precision="float32")).close()
     return request.param, path

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -16,20 +17,24 @@ from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.run.simulation import resume, simulate
 
+LAWS: dict[str, dict[str, Any]] = {"bilinear": {"kr": 4.0}, "cohesive": {"f_t": 6e7, "shape": "exponential"}}
 
-def softening(adapt: str) -> Model:
-    """The cracked block of bilinear bonds."""
+
+def softening(adapt: str, law: str) -> Model:
+    """The cracked block of bonds that soften."""
     model = block(adapt)
-    material = msgspec.structs.replace(model.settings.material, law="bilinear", kr=4.0)
+    material = msgspec.structs.replace(model.settings.material, law=law, **LAWS[law])
     return dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, material=material))
 
 
 @pytest.mark.slow
-def test_a_crack_of_softening_bonds_runs_as_on_the_fine_lattice(tmp_path: Path) -> None:
+@pytest.mark.quick_cases(1)
+@pytest.mark.parametrize("law", LAWS)
+def test_a_crack_of_softening_bonds_runs_as_on_the_fine_lattice(law: str, tmp_path: Path) -> None:
     """Energies, the first bond and the books; a run that is stopped goes on to the same bits, on two threads too."""
     books, first = [], []
     for adapt in ("none", "hybrid"):
-        with simulate(softening(adapt), None, Options(threads=1)) as results:
+        with simulate(softening(adapt, law), None, Options(threads=1)) as results:
             books.append(results.history())
             first.append(int(results.breaks().step.min()))
             last = results.frames()[0].max()
@@ -42,7 +47,9 @@ def test_a_crack_of_softening_bonds_runs_as_on_the_fine_lattice(tmp_path: Path) 
     assert zone["dissipated"][-1] == pytest.approx(uniform["dissipated"][-1], rel=0.03)  # 0.006
     path, seen = tmp_path / "stopped.sqlite", list[int]()
     options = Options(threads=1)
-    simulate(softening("hybrid"), path, options, lambda now: bool(seen.append(now.step)) or now.step >= 120).close()
+    simulate(
+        softening("hybrid", law), path, options, lambda now: bool(seen.append(now.step)) or now.step >= 120
+    ).close()
     resume(path, threads=min(2, cores())).close()
     with Results.open(path) as results:
         for name, values in zip(("ux", "uz", "vz", "damage"), fields, strict=True):

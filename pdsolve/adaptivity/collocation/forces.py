@@ -82,10 +82,10 @@ def _compile_row_sum(sum_row: Any) -> Any:
         for lane in range(0, ROW, across(zone.u)):
             p = row * ROW + lane
             if zone.stiffness_index_of_row[row] == WHOLE:
-                flags |= sum_row(zone.u, PLANE, table, ways, None, None, None, row, lane, p, limit, lane_sums)
+                flags |= sum_row(zone.u, PLANE, table, ways, None, None, None, None, row, lane, p, limit, lane_sums)
             else:
                 cut = stiffness, zone.cut_bond_bits
-                flags |= sum_row(zone.u, PLANE, table, ways, cut, None, None, row, lane, p, limit, lane_sums)
+                flags |= sum_row(zone.u, PLANE, table, ways, cut, None, None, None, row, lane, p, limit, lane_sums)
             keep(beside(sums_in(lane_sums, PLANE), PLANE, 0), zone.f, p)
         return flags
 

@@ -136,7 +136,7 @@ def create_constants_and_plate(
         surface_correction=np.ones((2, numbering.place_count)),
         row_stiffness=np.zeros((0, len(ways), ROW)),
         no_fail=no_fail,
-        limit_double_green_strain=float(double_green_strain_from_stretch(springs.limit_stretch)),
+        limit_double_green_strain=float(double_green_strain_from_stretch(springs.limit_stretch.min())),
         coarse_stencil_place_offsets=2 * (stencil.xi[:, 1] * numbering.row_stride + stencil.xi[:, 0]),
         stencil_stiffness=np.column_stack([theta[:, 0, 0], theta[:, 0, 1], theta[:, 1, 1]]),
         stencil_vector_constants=np.column_stack([2 * xi / square[:, None], 1 / square]),

@@ -31,6 +31,7 @@ from pdmesh.model.document import (
     Velocity,
 )
 from pdmesh.model.material_constants import pressure_speed, rayleigh_speed
+from pdmesh.model.materials import MIXED
 from pdmesh.model.possible import impossible
 from pdmesh.model.selection import components, given_of
 from pdmesh.model.values_at_places import largest
@@ -102,6 +103,8 @@ def _choose_with_reason(model: Model, options: Options) -> tuple[Adapt, str]:
         return "none", "its costs are known for plates only, and this is a body in space"
     if any(material.model != "bond" for material in model.materials):
         return "none", "its costs are known for bonds only, and this is a model of families"
+    if any(material.law not in MIXED for material in model.materials):
+        return "none", "its costs are known for brittle and bilinear bonds only"
     if model.swells:
         return "none", "its costs are known for mechanics only, and this plate swells by a content"
     hybrid = with_adaptivity(model, "hybrid")
@@ -135,7 +138,8 @@ def predict_zone_size_and_cost(model: Model, options: Options) -> ZoneSizeAndCos
     fine, coarse = (int(np.count_nonzero(cells == kind)) for kind in (FINE, COARSE))
     begins = fine / max(fine + coarse, 1)
     q = _estimate_largest_strain(model) / (
-        model.settings.run.hybrid.kappa * min(material_springs.peak_stretch for material_springs in springs)
+        model.settings.run.hybrid.kappa
+        * min(float(material_springs.peak_stretch.min()) for material_springs in springs)
     )
     run, side = model.settings.run, float(np.sqrt(plate.plate_area_over_cell_area) * plate.spacing)
     material = model.materials[0]

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from pdsolve.adaptivity.hybrid.node_constants import NodeConstants
 from pdsolve.codegen.record import Record
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.row_histories import History, with_entries
 from pdsolve.zone.bond_parts import BondPartsInCells
 from pdsolve.zone.cells import ZoneNumbering
 
@@ -41,7 +42,11 @@ class LatticeConstants(NamedTuple):
     dt: float  # s
     node_constants: NodeConstants  # constants of fine nodes
     material_bond_stiffness: NDArray[np.float64]  # (materials, k) stiffness of a bond in a full lattice
-    strain_bounds: NDArray[np.float64]  # (materials, 3) e of peak and limit, and of a coarse bond that makes cells fine
+    material_peak_strain: NDArray[np.float64]  # (materials, k) e of the peaks of bonds in a full lattice
+    material_limit_strain: NDArray[np.float64]
+    strain_bounds: NDArray[
+        np.float64
+    ]  # (materials, 3) least e of peak and limit, and of a coarse bond that makes cells fine
     least_strain_bounds: NDArray[np.float64]  # (3,) the least of each
     irregular_bond_stiffness: NDArray[np.float64]  # (., k)
     irregular_limit_row: NDArray[np.int32]  # (.,) row in `irregular_peak_strain` and `irregular_limit_strain`
@@ -220,6 +225,7 @@ class PlateZone(NamedTuple):
     fine: LatticeNodes
     coarse: LatticeNodes
     far: LatticeNodes  # 4 h apart
+    history: History  # what the law of fine bonds needs beside their stiffnesses
     tied_coarse_nodes: NDArray[BorderNode]  # coarse nodes on the border of cells of 4 h, which move with far ones
     clipped_pieces: ClippedBondPieces
     spare_clipped_pieces: ClippedBondPieces
@@ -323,6 +329,7 @@ def create_plate_zone(
         far=allocate_lattice_node_arrays(
             numbering.far.place_count, 8, numbering.far.place_count // ROW, dtype, swells=swells, damps=damps
         ),
+        history=None,
         tied_coarse_nodes=allocate_zeros(numbering.coarse.place_count, dtype=BorderNode.fields()),
         clipped_pieces=pieces(),
         spare_clipped_pieces=pieces(),
@@ -367,6 +374,7 @@ def double_array_lengths(zone: PlateZone) -> PlateZone:
             spring_lane_masks=double_array_length(fine.spring_lane_masks, rows),
             uses_spring_lane_masks=double_array_length(fine.uses_spring_lane_masks, rows),
         ),
+        history=with_entries(zone.history, lambda entries: double_array_length(entries, rows)),
         clipped_pieces=ClippedBondPieces(
             *(double_array_length(array, counts.clipped_pieces) for array in zone.clipped_pieces)
         ),

@@ -8,14 +8,16 @@ from numba import njit
 from pdsolve.adaptivity.hybrid.clipped_bonds import (
     find_or_reserve_stiffness_index,
     remaining_stiffness_share,
+    strain_of_first_change,
     stretch_from_double_green_strain,
 )
 from pdsolve.adaptivity.hybrid.energy import spring_double_green_strain
 from pdsolve.adaptivity.hybrid.precracks import is_unbreakable, peak_and_limit_strain
-from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.inner_functions import INNER, is_none, overloaded
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import displaced
-from pdsolve.laws.calls import added_force, broken_energy, second_share
+from pdsolve.lattice.row_histories import soften_bond
+from pdsolve.laws.calls import added_force, broken_energy, dissipated_energy, second_share, total_dissipated_energy
 from pdsolve.laws.pair_laws.bilinear import dissipated_share
 
 
@@ -27,8 +29,8 @@ def _record_node_dissipation(zone, p, energy):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def _soften_bond(lattice, zone, p, stiffness_index, k, e, peak, limit):  # type: ignore[no-untyped-def]
-    """Soften a bond stretched further than ever before, to e, and book the dissipated energy."""
+def _soften_bilinear_bond(lattice, zone, p, stiffness_index, k, e, ends):  # type: ignore[no-untyped-def]
+    peak, limit = ends
     row_stiffness, threshold_strain, lane = zone.fine.row_stiffness, zone.fine.threshold_strain, p % ROW
     past, now = threshold_strain[stiffness_index, k, lane], min(e, limit)
     peak_stretch, limit_stretch = stretch_from_double_green_strain(peak), stretch_from_double_green_strain(limit)
@@ -40,6 +42,31 @@ def _soften_bond(lattice, zone, p, stiffness_index, k, e, peak, limit):  # type:
     )
     row_stiffness[stiffness_index, k, lane] = full_stiffness * remaining_stiffness_share(now, peak, limit)
     threshold_strain[stiffness_index, k, lane] = now
+
+
+@njit(**INNER)
+def _soften_bond_of_law(lattice, zone, p, stiffness_index, k, e, ends):  # type: ignore[no-untyped-def]
+    peak, limit = ends
+    fine, law, lane = zone.fine, lattice.empty_law_columns, p % ROW
+    past, now = fine.threshold_strain[stiffness_index, k, lane], stretch_from_double_green_strain(min(e, limit))
+    ends = stretch_from_double_green_strain(peak), stretch_from_double_green_strain(limit)
+    scale = fine.row_stiffness[stiffness_index, k, lane] / lattice.spring_table[k, 4] / 4
+    spent = total_dissipated_energy(law, scale, *ends) if e > limit else dissipated_energy(law, scale, now, *ends)
+    if past > peak:
+        spent -= dissipated_energy(law, scale, stretch_from_double_green_strain(past), *ends)
+    _record_node_dissipation(zone, p, spent)
+    soften_bond(zone.history, stiffness_index, k, lane, now, *ends)
+    fine.threshold_strain[stiffness_index, k, lane] = min(e, limit)
+
+
+@overloaded(INNER)
+def _soften_bond(history, lattice, zone, p, stiffness_index, k, e, ends):  # type: ignore[no-untyped-def]
+    """Soften a bond with these e of its peak and its limit, stretched further than ever before, to e, and book the
+    dissipated energy."""
+    soften = _soften_bilinear_bond if is_none(history) else _soften_bond_of_law
+    return lambda history, lattice, zone, p, stiffness_index, k, e, ends: soften(
+        lattice, zone, p, stiffness_index, k, e, ends
+    )
 
 
 @njit(**INNER)
@@ -61,13 +88,19 @@ def _record_break(zone, step, p, k, breaking_force, stretch_growth):  # type: ig
 
 
 @njit(**INNER)
-def _unsoftened_stiffness_and_history(fine, stiffness_index, k, lane, stiffness, peak, limit):  # type: ignore[no-untyped-def]
+def _unsoftened_stiffness_and_history(fine, history, stiffness_index, k, lane, stiffness, peak, limit):  # type: ignore[no-untyped-def]
     """Stiffness of a bond before it softened, and the largest e it has had above the peak, 0 if it was never there."""
-    if peak == limit or fine.threshold_strain[stiffness_index, k, lane] <= peak:
+    past = fine.threshold_strain[stiffness_index, k, lane]
+    if peak == limit or past <= peak:
         return stiffness, 0.0
-    return stiffness / remaining_stiffness_share(
-        fine.threshold_strain[stiffness_index, k, lane], peak, limit
-    ), fine.threshold_strain[stiffness_index, k, lane]
+    return _unsoftened_stiffness(history, stiffness, past, peak, limit), past
+
+
+@overloaded(INNER)
+def _unsoftened_stiffness(history, stiffness, past, peak, limit):  # type: ignore[no-untyped-def]
+    if is_none(history):
+        return lambda history, stiffness, past, peak, limit: stiffness / remaining_stiffness_share(past, peak, limit)
+    return lambda history, stiffness, past, peak, limit: stiffness
 
 
 @njit(**INNER)
@@ -98,16 +131,19 @@ def soften_and_break_bonds(lattice, zone, u, first_node, count, step):  # type: 
             eta_x, eta_y = displaced(u, fine.negative_half_swelling, x, y, p, j)
             e = spring_double_green_strain(lattice.spring_table, k, eta_x, eta_y)
             peak, limit = peak_and_limit_strain(lattice, p, k)
-            if e <= peak or (
+            first = strain_of_first_change(lattice, peak, limit)
+            if e <= first or (
                 lattice.softens_or_limits_vary and entry >= 0 and e <= fine.threshold_strain[entry, k, lane]
             ):
                 continue
             _mark_damaged_node(zone, p)
             entry = find_or_reserve_stiffness_index(fine.stiffness_index_of_row, zone.counts, row)
             fine.stiffness_index_of_row[row] = entry
-            full_stiffness, past = _unsoftened_stiffness_and_history(fine, entry, k, lane, full_stiffness, peak, limit)
-            if peak < limit:
-                _soften_bond(lattice, zone, p, entry, k, e, peak, limit)
+            full_stiffness, past = _unsoftened_stiffness_and_history(
+                fine, zone.history, entry, k, lane, full_stiffness, first, limit
+            )
+            if first < limit:
+                _soften_bond(zone.history, lattice, zone, p, entry, k, e, (peak, limit))
             before = _previous_stretch(lattice, fine, p, j, k, eta_x, eta_y)
             now, worst = stretch_from_double_green_strain(e), stretch_from_double_green_strain(past)
             ends = stretch_from_double_green_strain(peak), stretch_from_double_green_strain(limit)
@@ -120,7 +156,7 @@ def soften_and_break_bonds(lattice, zone, u, first_node, count, step):  # type: 
             fine.spring_lane_masks[entry, 0, k] &= ~(1 << lane)
             if k < half:
                 zone.broken_bond_bits[p] |= np.uint64(1) << np.uint64(k)
-            if peak == limit:  # else it is booked as it softens
+            if first == limit:  # else it is booked as it softens
                 scale = full_stiffness / lattice.spring_table[k, 4] / 4
                 energy = broken_energy(lattice.empty_law_columns, scale, now, before, *ends)
                 _record_node_dissipation(zone, p, energy)

@@ -17,8 +17,10 @@ from pdsolve.adaptivity.hybrid.precracks import (
     is_unbreakable,
     peak_and_limit_strain,
 )
-from pdsolve.codegen.inner_functions import INNER
+from pdsolve.codegen.inner_functions import INNER, is_none, overloaded
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.row_histories import begin_bond, is_usual
+from pdsolve.laws.calls import pair_of
 from pdsolve.laws.pair_laws.bilinear import intact_share
 from pdsolve.zone.bond_parts import lowest_cell_around, next_parts_outside_coarse_cells
 from pdsolve.zone.cells import (
@@ -75,7 +77,7 @@ def set_bond_stiffnesses_of_row(lattice, zone, row):  # type: ignore[no-untyped-
     if not row_has_active_node(fine.node_kinds, row):
         return
     if lattice.softens_or_limits_vary and fine.stiffness_index_of_row[row] == -1:
-        _initialize_threshold_strains(lattice, fine.threshold_strain[zone.counts.used_stiffness_rows], row)
+        _initialize_thresholds_and_histories(lattice, fine, zone.history, zone.counts.used_stiffness_rows, row)
     entry = find_or_reserve_stiffness_index(fine.stiffness_index_of_row, zone.counts, row)
     row_stiffness, same = fine.row_stiffness[entry], True
     for lane in range(ROW):
@@ -85,7 +87,7 @@ def set_bond_stiffnesses_of_row(lattice, zone, row):  # type: ignore[no-untyped-
                 lattice, zone.cell_kinds, zone.broken_bond_bits, fine.node_kinds, p, row_stiffness, lane
             )
             if lattice.softens_or_limits_vary and zone.is_damaged[p]:
-                _soften_bond_stiffnesses_of_node(lattice, p, row_stiffness, fine.threshold_strain[entry], lane)
+                _soften_bond_stiffnesses_of_node(zone.history, lattice, fine, p, entry, lane)
     masks, alike = fine.spring_lane_masks[entry], not lattice.softens_or_limits_vary
     for k in range(len(lattice.family_dx)):
         full_stiffness, spring_lanes, half = lattice.spring_table[k, 5], 0, 0
@@ -94,24 +96,41 @@ def set_bond_stiffnesses_of_row(lattice, zone, row):  # type: ignore[no-untyped-
             spring_lanes |= (some > 0) << lane
             half |= (some == 0.5 * full_stiffness) << lane
             alike &= some == full_stiffness or some == 0 or some == 0.5 * full_stiffness
-            same &= some == full_stiffness
+            same &= some == full_stiffness and is_usual(zone.history, entry, k, lane)
         masks[0, k], masks[1, k] = spring_lanes, half
     fine.uses_spring_lane_masks[entry] = alike
     fine.stiffness_index_of_row[row] = -2 - entry if same else entry
 
 
 @njit(**INNER)
-def _initialize_threshold_strains(lattice, threshold_strain, row):  # type: ignore[no-untyped-def]
-    """Initialize the peaks of a row's bonds, below which they do not soften."""
+def _initialize_thresholds_and_histories(lattice, fine, history, entry, row):  # type: ignore[no-untyped-def]
+    """Initialize the e of a row's bonds up to which nothing happens to them, and what their law remembers."""
     for k in range(len(lattice.family_dx)):
         for lane in range(ROW):
             p = row * ROW + lane
             j = p + lattice.neighbour_offsets[k]
-            threshold_strain[k, lane] = (
-                np.inf
-                if is_unbreakable(lattice, p) or is_unbreakable(lattice, j)
-                else peak_and_limit_strain(lattice, p, k)[0]
-            )
+            peak, limit = peak_and_limit_strain(lattice, p, k)
+            if is_unbreakable(lattice, p) or is_unbreakable(lattice, j):
+                peak = limit = np.inf
+            fine.threshold_strain[entry, k, lane] = strain_of_first_change(lattice, peak, limit)
+            begin_bond(history, entry, k, lane, stretch_of_limit(peak), stretch_of_limit(limit))
+
+
+@overloaded(INNER)
+def strain_of_first_change(lattice, peak, limit):  # type: ignore[no-untyped-def]
+    """The e beyond which a bond softens, or breaks under a law that does not soften."""
+    columns = lattice.types[lattice.instance_class._fields.index("empty_law_columns")]
+    if pair_of(columns).softening is None:
+        return lambda lattice, peak, limit: limit
+    return lambda lattice, peak, limit: peak
+
+
+@njit(**INNER)
+def stretch_of_limit(double_green_strain):  # type: ignore[no-untyped-def]
+    """The stretch of a peak or a limit, which may be infinite."""
+    if double_green_strain == np.inf:
+        return np.inf
+    return stretch_from_double_green_strain(double_green_strain)
 
 
 @njit(**INNER)
@@ -133,12 +152,20 @@ def remaining_stiffness_share(largest_strain, peak_strain, limit_strain):  # typ
 
 
 @njit(**INNER)
-def _soften_bond_stiffnesses_of_node(lattice, p, row_stiffness, threshold_strain, lane):  # type: ignore[no-untyped-def]
-    """Reduce the stiffnesses of a node by the softening so far."""
+def _reduce_stiffnesses(lattice, fine, p, entry, lane):  # type: ignore[no-untyped-def]
+    row_stiffness, threshold_strain = fine.row_stiffness[entry], fine.threshold_strain[entry]
     for k in range(len(lattice.family_dx)):
         peak, limit = peak_and_limit_strain(lattice, p, k)
         if row_stiffness[k, lane] > 0 and peak < threshold_strain[k, lane] < limit:
             row_stiffness[k, lane] *= remaining_stiffness_share(threshold_strain[k, lane], peak, limit)
+
+
+@overloaded(INNER)
+def _soften_bond_stiffnesses_of_node(history, lattice, fine, p, entry, lane):  # type: ignore[no-untyped-def]
+    """Reduce the stiffnesses of a node by the softening so far, unless its bonds' histories have it."""
+    if is_none(history):
+        return lambda history, lattice, fine, p, entry, lane: _reduce_stiffnesses(lattice, fine, p, entry, lane)
+    return lambda history, lattice, fine, p, entry, lane: None
 
 
 @njit(**INNER)

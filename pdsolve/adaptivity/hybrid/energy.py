@@ -14,6 +14,7 @@ from pdsolve.codegen.lanes import across, beside, keep, same, unless_none
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.lattice.bond import displaced
 from pdsolve.lattice.layout import ONE, PLANE
+from pdsolve.lattice.row_histories import energy_of_bond, energy_of_lanes, of_usual_rows
 from pdsolve.zone.cells import FREE, IDLE
 from pdsolve.zone.springs import INVERSE, STIFFNESS, X, Y
 
@@ -36,7 +37,7 @@ def double_green_strain_of_spring(nodes, spring_table, offsets, u, q, k):  # typ
 
 
 @njit(**INNER)
-def half_energy_of_springs_of_node(nodes, spring_table, offsets, uses_green_strain, u, p):  # type: ignore[no-untyped-def]
+def half_energy_of_springs_of_node(nodes, history, spring_table, offsets, uses_green_strain, u, p):  # type: ignore[no-untyped-def]
     """Half of the energy of a node's springs, J/m; of coarse ones by Green's strain."""
     row, lane, energy = p // ROW, p % ROW, 0.0
     entry = nodes.stiffness_index_of_row[row]
@@ -48,7 +49,7 @@ def half_energy_of_springs_of_node(nodes, spring_table, offsets, uses_green_stra
         eta_x, eta_y = displaced(u, nodes.negative_half_swelling, xi_x, xi_y, p, p + offsets[k])
         e = spring_double_green_strain(spring_table, k, eta_x, eta_y)
         stretch = e * 0.5 if uses_green_strain else e / (np.sqrt(1 + e) + 1)
-        energy += stiffness / spring_table[k, INVERSE] * stretch * stretch / 4
+        energy += energy_of_bond(history, stiffness / spring_table[k, INVERSE], stretch, entry, k, lane) / 4
     return energy
 
 
@@ -76,7 +77,7 @@ def _displacement_difference(u, p, j):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def store_half_spring_energies_of_row(nodes, spring_table, offsets, uses_green_strain, row, u, lane_sums):  # type: ignore[no-untyped-def]
+def store_half_spring_energies_of_row(nodes, history, spring_table, offsets, uses_green_strain, row, u, lane_sums):  # type: ignore[no-untyped-def]
     """Set s to half the energies of the springs of a row's lanes, J/m; of coarse ones by Green's strain."""
     entry, slots, none = nodes.stiffness_index_of_row[row], len(offsets), same(u, 0.0)
     for lane in range(0, ROW, across(lane_sums)):
@@ -90,7 +91,12 @@ def store_half_spring_energies_of_row(nodes, spring_table, offsets, uses_green_s
                 w = beside(nodes.row_stiffness, ONE, np.int64((entry * slots + k) * ROW + lane))[0]
                 e = unless_none(w, e, none)
             stretch = e * 0.5 if uses_green_strain else e / (np.sqrt(1.0 + e) + 1.0)
-            energy = energy + w / spring_table[k, INVERSE] * stretch * stretch * 0.25
+            w = w / spring_table[k, INVERSE]
+            if entry >= 0:
+                stored = energy_of_lanes(history, w, stretch, entry, k, lane)
+            else:
+                stored = energy_of_lanes(of_usual_rows(history), w, stretch, entry, k, lane)
+            energy = energy + stored * 0.25
         keep((energy,), lane_sums, lane)
 
 
@@ -145,13 +151,15 @@ def strain_and_kinetic_energy(lattice, zone, displacement_buffer_index, fine_nod
     for p in fine_nodes:
         if fine.node_kinds[p] == IDLE:
             continue
-        energy += half_energy_of_springs_of_node(fine, lattice.spring_table, lattice.neighbour_offsets, False, u, p)
+        energy += half_energy_of_springs_of_node(
+            fine, zone.history, lattice.spring_table, lattice.neighbour_offsets, False, u, p
+        )
         if fine.node_kinds[p] == FREE:
             energy += kinetic_energy_of_node(fine, p)
     for q in coarse_nodes:
         if coarse.node_kinds[q] == FREE:
             energy += half_energy_of_springs_of_node(
-                coarse, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets, True, coarse_u, q
+                coarse, None, lattice.coarse_spring_table, lattice.coarse_neighbour_offsets, True, coarse_u, q
             ) + kinetic_energy_of_node(coarse, q)
     for n in range(zone.counts.clipped_pieces):
         if zone.is_node_marked[zone.clipped_pieces.springs[n].owner_node]:
@@ -176,7 +184,14 @@ def store_strain_energies_of_lattices(lattice, zone, displacement_buffer_index, 
     fine, coarse, pieces, s = zone.fine, zone.coarse, zone.clipped_pieces, zone.lane_sums[0]
     for row in fine.active_rows[: zone.counts.active_fine_rows]:
         store_half_spring_energies_of_row(
-            fine, lattice.spring_table, lattice.neighbour_offsets, False, row, fine.u[displacement_buffer_index], s
+            fine,
+            zone.history,
+            lattice.spring_table,
+            lattice.neighbour_offsets,
+            False,
+            row,
+            fine.u[displacement_buffer_index],
+            s,
         )
         for p in range(row * ROW, row * ROW + ROW):
             fine_energy[p] = s[p % ROW] if fine.node_kinds[p] != IDLE else 0.0
@@ -198,7 +213,9 @@ def store_strain_energies_of_lattices(lattice, zone, displacement_buffer_index, 
     )
     for nodes, count, table, ways, energies in lattices:
         for row in nodes.active_rows[:count]:
-            store_half_spring_energies_of_row(nodes, table, ways, True, row, nodes.u[displacement_buffer_index], s)
+            store_half_spring_energies_of_row(
+                nodes, None, table, ways, True, row, nodes.u[displacement_buffer_index], s
+            )
             for q in range(row * ROW, row * ROW + ROW):
                 energies[q] = s[q % ROW] if nodes.node_kinds[q] != IDLE else 0.0
     for n in range(zone.counts.clipped_pieces):

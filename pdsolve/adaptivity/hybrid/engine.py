@@ -32,9 +32,12 @@ from pdsolve.checkpoint_validation import entry, like, pulls_to_arrays, read_pul
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import ACCELERATION, Drive
 from pdsolve.errors import CheckpointError
+from pdsolve.lattice.row_histories import remembered
+from pdsolve.laws.law import Law
 from pdsolve.numerics.thread_team import gate_of, side_by_side
 from pdsolve.operators.protocol import CheckpointArrays
 from pdsolve.state import Broken
+from pdsolve.zone.bond_law import law_of_zone, stretch_that_makes_cells_fine
 from pdsolve.zone.cells import COARSE, FAR, FINE, FREE, IDLE, place_on_finer_lattice
 from pdsolve.zone.springs import double_green_strain_from_stretch
 from pdsolve.zone.summary import ZoneSummary, create_too_late_error
@@ -76,6 +79,11 @@ class HybridEngine:
         self._squares = count_node_squares_in_cells(plate)
         self.time_step = float(lattice.dt)  # s
         self._whole, self._fine = int(self._squares.sum()), (-1, 0)  # squares in all cells; in fine ones, since when
+
+    @property
+    def law(self) -> Law:
+        """The law of fine bonds."""
+        return law_of_zone(self.plate.model)
 
     def initialize_motion_and_forces(self, velocity: NDArray[np.float64] | None) -> None:
         """Number the zone, set the velocities (n, 2), m/s, of all nodes, None: 0, and compute the forces."""
@@ -185,10 +193,11 @@ class HybridEngine:
 
     def set_refinement_stretch_ratio(self, refinement_stretch_ratio: float) -> None:
         """Refine, from now on, around coarse bonds at this ratio of the stretch that breaks or softens bonds."""
-        bounds = self.lattice.strain_bounds.copy()
-        bounds[:, 2] = [
-            double_green_strain_from_stretch(refinement_stretch_ratio * _stretch(e)) for e in bounds[:, 0].tolist()
-        ]
+        lattice, bounds = self.lattice, self.lattice.strain_bounds.copy()
+        for bound, *ends in zip(bounds, lattice.material_peak_strain, lattice.material_limit_strain, strict=True):
+            peak, limit = (_stretch(e) for e in ends)
+            stretch = stretch_that_makes_cells_fine(lattice.empty_law_columns, peak, limit, refinement_stretch_ratio)
+            bound[2] = double_green_strain_from_stretch(stretch)
         self.lattice = self.lattice._replace(strain_bounds=bounds, least_strain_bounds=bounds.min(axis=0))
 
     def set_swelling_strain(self, strain: NDArray[np.float64]) -> None:
@@ -367,6 +376,8 @@ class HybridEngine:
                 "own": zone.fine.row_stiffness[stiffness_rows],
                 "usual": entries < 0,
             }
+            if zone.history is not None:
+                checkpoint["remembered"] = remembered(zone.history)[stiffness_rows]
         stirs = zone.damaged_nodes[: zone.counts.damaged_nodes].copy()
         checkpoint |= {
             "holds": _prescribed_motion_columns(zone),
@@ -403,19 +414,7 @@ class HybridEngine:
             getattr(zone.break_events, name)[: len(node)] = values
         self._restore_counts_and_damaged_nodes(checkpoint, node, breaks.bond_number)
         if self.lattice.softens_or_limits_vary:
-            rows = zone.fine.active_rows[: zone.counts.active_fine_rows]
-            stiffness_rows = np.where(
-                zone.fine.stiffness_index_of_row[rows] < 0,
-                -2 - zone.fine.stiffness_index_of_row[rows],
-                zone.fine.stiffness_index_of_row[rows],
-            )
-            for name, array in (("edge", zone.fine.threshold_strain), ("own", zone.fine.row_stiffness)):
-                array[stiffness_rows] = entry(
-                    checkpoint, name, (len(stiffness_rows), *array.shape[1:]), array.dtype, high=np.inf
-                )
-            zone.fine.stiffness_index_of_row[rows] = np.where(
-                entry(checkpoint, "usual", stiffness_rows.shape, np.bool_), -2 - stiffness_rows, stiffness_rows
-            )
+            _restore_stiffnesses_and_histories(checkpoint, zone)
         for name, nodes, rows in self._lattices_with_active_rows():
             places = (rows[:, None] * ROW + np.arange(ROW)).ravel()
             for field, values in (("u", nodes.u[0]), ("v", nodes.v), ("f", nodes.f)):
@@ -499,3 +498,23 @@ def _restore_damped_energies(checkpoint: CheckpointArrays, zone: PlateZone) -> N
             slowed = entry(checkpoint, f"{name}_slowed", (None,), np.int64, 0, len(damped) - 1)
             damped[:] = 0.0
             damped[slowed] = entry(checkpoint, f"{name}_damped", slowed.shape, float)
+
+
+def _restore_stiffnesses_and_histories(checkpoint: CheckpointArrays, zone: PlateZone) -> None:
+    """Restore the stiffnesses of fine bonds, and what softening has left of them."""
+    rows = zone.fine.active_rows[: zone.counts.active_fine_rows]
+    stiffness_rows = np.where(
+        zone.fine.stiffness_index_of_row[rows] < 0,
+        -2 - zone.fine.stiffness_index_of_row[rows],
+        zone.fine.stiffness_index_of_row[rows],
+    )
+    for name, array in (("edge", zone.fine.threshold_strain), ("own", zone.fine.row_stiffness)):
+        array[stiffness_rows] = entry(
+            checkpoint, name, (len(stiffness_rows), *array.shape[1:]), array.dtype, high=np.inf
+        )
+    if zone.history is not None:
+        values, shape = remembered(zone.history), (len(stiffness_rows), *array.shape[1:])
+        values[stiffness_rows] = entry(checkpoint, "remembered", shape, values.dtype, 0.0)
+    zone.fine.stiffness_index_of_row[rows] = np.where(
+        entry(checkpoint, "usual", stiffness_rows.shape, np.bool_), -2 - stiffness_rows, stiffness_rows
+    )

@@ -25,6 +25,7 @@ from pdsolve.adaptivity.hybrid.nodes import (
 from pdsolve.adaptivity.hybrid.precracks import is_unbreakable
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.row_histories import strain_off_straight
 from pdsolve.numerics.dilation import in_square
 from pdsolve.zone.cells import (
     BORDER,
@@ -102,7 +103,8 @@ def _divide_stretched_coarsest_cells(lattice, zone, displacement_buffer_index, c
             if far.node_kinds[q] == IDLE or is_unbreakable(lattice, p):
                 continue
             for k in range(len(offsets)):
-                if double_green_strain_of_spring(far, table, offsets, u, q, k) > lattice.least_strain_bounds[2]:
+                e = double_green_strain_of_spring(far, table, offsets, u, q, k)
+                if strain_off_straight(zone.history, e) > lattice.least_strain_bounds[2]:
                     x, y = scale_coordinates(lattice_coordinates(numbering.far, q), 2)
                     count = _divide_coarsest_cells_near(
                         numbering, zone.cell_kinds, x, y, zone.affected_fine_nodes, count
@@ -165,6 +167,7 @@ def _total_energy_of_affected_nodes(lattice, zone, displacement_buffer_index):  
         if coarse.node_kinds[q] != IDLE:
             energy += half_energy_of_springs_of_node(
                 coarse,
+                None,
                 lattice.coarse_spring_table,
                 lattice.coarse_neighbour_offsets,
                 True,
@@ -177,6 +180,7 @@ def _total_energy_of_affected_nodes(lattice, zone, displacement_buffer_index):  
         if far.node_kinds[q] == FREE:
             energy += half_energy_of_springs_of_node(
                 far,
+                None,
                 lattice.coarsest_spring_table,
                 lattice.coarsest_neighbour_offsets,
                 True,

@@ -18,6 +18,7 @@ from pdsolve.adaptivity.hybrid.bond_breaking import (
     add_second_release_forces,
     soften_and_break_bonds,
 )
+from pdsolve.adaptivity.hybrid.clipped_bonds import strain_of_first_change, stretch_from_double_green_strain
 from pdsolve.adaptivity.hybrid.damping import damp_forces, record_damped_energy
 from pdsolve.adaptivity.hybrid.energy import (
     bond_piece_double_green_strain,
@@ -31,6 +32,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import factor_at
 from pdsolve.lattice.bond import IN_PLACE, displaced, kick_and_drift, multiplied, sums_in
 from pdsolve.lattice.layout import ONE, PLANE
+from pdsolve.lattice.row_histories import edges_off_straight, of_usual_rows, secant_of_bond, strain_off_straight
 from pdsolve.lattice.rows import sum_green, sum_narrow, sum_wide
 from pdsolve.numerics.thread_team import meet, wait
 
@@ -57,7 +59,7 @@ def _add_bond_piece_forces(zone, u, coarse_u, f, coarse_f):  # type: ignore[no-u
         spring = pieces.springs[n]
         eta_x, eta_y = bond_piece_elongation(pieces, u, coarse_u, n)
         e = bond_piece_double_green_strain(spring, eta_x, eta_y)
-        largest = max(largest, e * spring.is_breakable)
+        largest = max(largest, strain_off_straight(zone.history, e) * spring.is_breakable)
         pull = spring.stiffness * e / 2
         px, py = pull * (spring.xi_x + eta_x), pull * (spring.xi_y + eta_y)
         for side, sign in ((0, 1.0), (1, -1.0)):
@@ -75,7 +77,7 @@ def _add_bond_piece_forces(zone, u, coarse_u, f, coarse_f):  # type: ignore[no-u
 
 
 @njit(**INNER)
-def _sum_row_forces_with_exact_stretch(lattice, fine, u, first_node, count, lane_sums):  # type: ignore[no-untyped-def]
+def _sum_row_forces_with_exact_stretch(lattice, fine, history, u, first_node, count, lane_sums):  # type: ignore[no-untyped-def]
     """Forces on nodes of a row, one by one, for any stretch."""
     entry = fine.stiffness_index_of_row[first_node // ROW]
     for p in range(first_node, first_node + count):
@@ -90,6 +92,7 @@ def _sum_row_forces_with_exact_stretch(lattice, fine, u, first_node, count, lane
             )
             e = spring_double_green_strain(lattice.spring_table, k, eta_x, eta_y)
             pull *= e / (1 + e + np.sqrt(1 + e))
+            pull *= secant_of_bond(history, stretch_from_double_green_strain(e), entry, k, lane)
             fx += pull * (lattice.spring_table[k, 0] + eta_x)
             fy += pull * (lattice.spring_table[k, 1] + eta_y)
         lane_sums[p - first_node], lane_sums[ROW + p - first_node] = fx, fy
@@ -99,16 +102,18 @@ def _make_fine_row_sum(sum_row: Any) -> Any:
     """The sum on some lanes of a fine row, whatever its entry has; `sum_row` is one of `pdsolve.lattice.rows`."""
 
     @njit(forceinline=True, **INNER)
-    def sum_forces_of_lanes_of_row(lattice, fine, u, stiffness_index, lane, p, lane_sums):  # type: ignore[no-untyped-def]
+    def sum_forces_of_lanes_of_row(lattice, fine, history, u, stiffness_index, lane, p, lane_sums):  # type: ignore[no-untyped-def]
         springs = u, PLANE, lattice.spring_table, lattice.neighbour_offsets
-        shrink, limit, n = fine.negative_half_swelling, lattice.least_strain_bounds[0], stiffness_index
+        shrink, n = fine.negative_half_swelling, stiffness_index
+        limit = strain_of_first_change(lattice, lattice.least_strain_bounds[0], lattice.least_strain_bounds[1])
         if n < 0:
-            return sum_row(*springs, None, None, shrink, n, lane, p, limit, lane_sums)
+            return sum_row(*springs, None, None, of_usual_rows(history), shrink, n, lane, p, limit, lane_sums)
         if lattice.softens_or_limits_vary:
-            return sum_row(*springs, fine.row_stiffness, fine.threshold_strain, shrink, n, lane, p, 0.0, lane_sums)
+            edges = fine.threshold_strain
+            return sum_row(*springs, fine.row_stiffness, edges, history, shrink, n, lane, p, 0.0, lane_sums)
         if fine.uses_spring_lane_masks[n]:
-            return sum_row(*springs, fine.spring_lane_masks, None, shrink, n, lane, p, limit, lane_sums)
-        return sum_row(*springs, fine.row_stiffness, None, shrink, n, lane, p, limit, lane_sums)
+            return sum_row(*springs, fine.spring_lane_masks, None, None, shrink, n, lane, p, limit, lane_sums)
+        return sum_row(*springs, fine.row_stiffness, None, None, shrink, n, lane, p, limit, lane_sums)
 
     return sum_forces_of_lanes_of_row
 
@@ -122,7 +127,7 @@ def _sum_forces_of_fine_rows(lattice, zone, displacement_buffer_index, step, thr
 
     Rows with a bond about to break are set aside for the job `BROKEN` of the first thread.
     """
-    fine, s = zone.fine, zone.lane_sums[thread]
+    fine, history, s = zone.fine, zone.history, zone.lane_sums[thread]
     wide, u, breaks, aside = across(s), fine.u[displacement_buffer_index], job == BROKEN, zone.breaking_rows[thread]
     parts_per_row = ROW // wide
     count = zone.breaking_row_counts[0] if breaks else zone.counts.active_fine_rows * parts_per_row
@@ -136,16 +141,16 @@ def _sum_forces_of_fine_rows(lattice, zone, displacement_buffer_index, step, thr
             if breaks:
                 soften_and_break_bonds(lattice, zone, u, p, wide, step)
             elif fine.has_large_stretch[row] == 0:
-                flags = sum_fine_narrow(lattice, fine, u, fine.stiffness_index_of_row[row], p % ROW, p, s)
+                flags = sum_fine_narrow(lattice, fine, history, u, fine.stiffness_index_of_row[row], p % ROW, p, s)
             if flags & 1:
                 fine.has_large_stretch[row] = fine.has_large_stretch[row] or not breaks
-                flags = sum_fine_wide(lattice, fine, u, fine.stiffness_index_of_row[row], p % ROW, p, s)
+                flags = sum_fine_wide(lattice, fine, history, u, fine.stiffness_index_of_row[row], p % ROW, p, s)
             if flags & 2 and not breaks and step > 0:
                 aside[zone.breaking_row_counts[8 * thread]] = p
                 zone.breaking_row_counts[8 * thread] += 1
                 continue
             if flags & 1:
-                _sum_row_forces_with_exact_stretch(lattice, fine, u, p, wide, s)
+                _sum_row_forces_with_exact_stretch(lattice, fine, history, u, p, wide, s)
             if breaks or fine.has_extra_forces[row]:
                 add_stored_forces_to_lane_sums(fine.f, p, wide, s)
             store_lane_sums_as_forces(fine.f, p, wide, s)
@@ -235,6 +240,7 @@ def _sum_forces_and_move_rows(  # type: ignore[no-untyped-def]
     nodes, count, spring_table, offsets, plain_job, touched_job = rows_of_lattice
     job = touched_job if has_extra_forces else plain_job
     s, dt, limit = zone.lane_sums[thread], lattice.dt, LOOKED_AT * lattice.least_strain_bounds[2]
+    edges = edges_off_straight(zone.history)
     wide, u, after = across(s), nodes.u[displacement_buffer_index], nodes.u[1 - displacement_buffer_index]
     while counted(zone.job_counters, STAGE) < stage:
         first = take(zone.job_counters, job) * COARSE_PART
@@ -246,11 +252,11 @@ def _sum_forces_and_move_rows(  # type: ignore[no-untyped-def]
             entry, hot = nodes.stiffness_index_of_row[row], 0
             for lane in range(0, ROW, wide):
                 q = row * ROW + lane
-                lanes = nodes.negative_half_swelling, entry, lane, q, limit, s
+                lanes = edges, None, nodes.negative_half_swelling, entry, lane, q, limit, s
                 if entry >= 0:
-                    hot |= sum_green(u, PLANE, spring_table, offsets, nodes.row_stiffness, None, *lanes)
+                    hot |= sum_green(u, PLANE, spring_table, offsets, nodes.row_stiffness, *lanes)
                 else:
-                    hot |= sum_green(u, PLANE, spring_table, offsets, None, None, *lanes)
+                    hot |= sum_green(u, PLANE, spring_table, offsets, None, *lanes)
                 if has_extra_forces:
                     add_stored_forces_to_lane_sums(nodes.f, q, wide, s)
                 damp_forces(nodes, q, wide, velocity_lag, s)

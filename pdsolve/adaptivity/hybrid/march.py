@@ -31,6 +31,7 @@ from pdsolve.adaptivity.hybrid.regrid import (
 from pdsolve.codegen.inner_functions import INNER
 from pdsolve.codegen.jit_cache import cached_njit
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.row_histories import strain_off_straight
 from pdsolve.numerics.thread_team import meet
 from pdsolve.zone.cells import (
     AHEAD,
@@ -70,7 +71,9 @@ def _list_cells_to_refine_near_stretched_coarse_bonds(lattice, zone, displacemen
             bound = lattice.strain_bounds[node_constant_at_place(constants, constants.material, p), 2]
             for k in range(len(offsets)):
                 strain = double_green_strain_of_spring(coarse, table, offsets, u, q, k)
-                if strain > bound and not _is_coarse_node_unbreakable(lattice, q + offsets[k]):
+                if strain_off_straight(zone.history, strain) > bound and not _is_coarse_node_unbreakable(
+                    lattice, q + offsets[k]
+                ):
                     x = scale_coordinates(lattice_coordinates(numbering.coarse, q), 2)
                     count = mark_and_list_new_fine_cells_near(
                         numbering.cells, zone.cell_kinds, x, AHEAD, zone.new_cells, count
@@ -106,7 +109,9 @@ def _list_cells_to_refine_near_strained_bond_pieces(lattice, zone, displacement_
             bond_piece_elongation(pieces, fine.v, coarse.v, n),
         )
         eta_x, eta_y = eta_x + time * (v_x - spring.swelling_x), eta_y + time * (v_y - spring.swelling_y)
-        comes_near = e > bound and bond_piece_double_green_strain(spring, eta_x, eta_y) > peak
+        soon = strain_off_straight(zone.history, bond_piece_double_green_strain(spring, eta_x, eta_y))
+        e = strain_off_straight(zone.history, e)
+        comes_near = e > bound and soon > peak
         if spring.is_breakable > 0 and (comes_near or e > NEARLY * peak):
             for side in range(2):
                 count = _list_cells_to_refine_near_bond_piece_end(lattice, zone, pieces.ends[n, side], count)

@@ -109,13 +109,13 @@ def full_bond_stiffness(lattice, p, k):  # type: ignore[no-untyped-def]
 
 @njit(forceinline=True, **INNER)
 def peak_and_limit_strain(lattice, p, k):  # type: ignore[no-untyped-def]
-    """The e beyond which a bond softens, and the e at which it breaks."""
+    """The e of a bond's peak, and the e at which it breaks."""
     row = node_constant_at_place(lattice.node_constants, lattice.node_constants.irregular_bond_row, p)
     if row >= 0:
         kind = lattice.irregular_limit_row[row]
         return lattice.irregular_peak_strain[kind, k], lattice.irregular_limit_strain[kind, k]
     material = node_constant_at_place(lattice.node_constants, lattice.node_constants.material, p)
-    return lattice.strain_bounds[material, 0], lattice.strain_bounds[material, 1]
+    return lattice.material_peak_strain[material, k], lattice.material_limit_strain[material, k]
 
 
 @njit(forceinline=True, **INNER)

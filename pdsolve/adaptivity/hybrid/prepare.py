@@ -14,8 +14,10 @@ from pdsolve.adaptivity.hybrid.arrays import (
     LatticeConstants,
     LoadOrPrescribedMotion,
     LoadsOrPrescribedMotions,
+    allocate_zeros,
     create_plate_zone,
 )
+from pdsolve.adaptivity.hybrid.clipped_bonds import stretch_from_double_green_strain
 from pdsolve.adaptivity.hybrid.coarse_cells import CellAreas, HybridPlate, create_hybrid_plate, initial_cell_kinds
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.adaptivity.hybrid.far_cells import coarsen_cells_away_from_cracks_edges_and_loads
@@ -23,15 +25,19 @@ from pdsolve.adaptivity.hybrid.irregular_bonds import IrregularBonds, compute_ir
 from pdsolve.adaptivity.hybrid.irregular_rows import create_node_constants
 from pdsolve.adaptivity.hybrid.operator import HybridOperator
 from pdsolve.adaptivity.hybrid.precracks import lengthen_cracks, record_precrack_cuts
+from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import conditions_of, drive, has_conditions, initial_velocity
+from pdsolve.lattice.row_histories import History, create_history
 from pdsolve.laws.calls import bind
-from pdsolve.laws.pair import no_bonds
+from pdsolve.laws.pair import PairColumns, no_bonds
 from pdsolve.laws.pair_laws import bilinear
 from pdsolve.model import Model
 from pdsolve.numerics.memory import aligned, give_back
 from pdsolve.operators.ground_supports import springs_of_components
+from pdsolve.zone.bond_law import law_of_zone, stretch_that_makes_cells_fine
 from pdsolve.zone.bond_parts import divide_bonds_at_cell_borders
 from pdsolve.zone.cells import AROUND, FINE
+from pdsolve.zone.refusals import check_straight_at_rest
 from pdsolve.zone.springs import (
     Springs,
     coarse_springs,
@@ -39,6 +45,7 @@ from pdsolve.zone.springs import (
     double_green_strain_from_stretch,
 )
 
+_stretch = getattr(stretch_from_double_green_strain, "py_func", stretch_from_double_green_strain)
 ROOM = 64  # rows of fine nodes beyond those of the start, at least
 
 
@@ -90,10 +97,20 @@ def create_hybrid_operator_and_stable_step(
         damps,
         dtype=kind,
     )._replace(loads=loads, holds=holds, supports=supports)
+    zone = zone._replace(history=_create_history(lattice, model, rows, kind))
     hybrid = HybridEngine(plate, lattice, zone, plate_drive)
     begins_sequence = has_conditions(model.settings, InitialVelocity, Velocity)
     hybrid.initialize_motion_and_forces(initial_velocity(model) if begins_sequence else None)
     return HybridOperator(hybrid, cut), bound
+
+
+def _create_history(lattice: LatticeConstants, model: Model, rows: int, kind: type[np.floating]) -> History:
+    """What so many rows of fine nodes know of their law besides stiffnesses: nothing of a bilinear one."""
+    law = law_of_zone(model)
+    if law is bilinear.LAW:
+        return None
+    peak, limit = (_stretch(e[0]) for e in (lattice.material_peak_strain, lattice.material_limit_strain))
+    return create_history(law, peak, limit, lambda: allocate_zeros(rows, len(lattice.family_dx), ROW, dtype=kind))
 
 
 def rows_with_content_jumps(model: Model) -> NDArray[np.int64]:
@@ -115,23 +132,19 @@ def create_lattice_constants(
 ) -> LatticeConstants:
     """Constant arrays for steps of `dt`, s; the effects of pre-cracks on the coarse lattice are not yet recorded."""
     numbering, model, h = plate.numbering, plate.model, plate.spacing
-    kappa = model.settings.run.hybrid.kappa
     first = springs[0]
     coarse = coarse_springs(first, h)
-    bounds = np.array(
-        [
-            [
-                double_green_strain_from_stretch(material_springs.peak_stretch),
-                double_green_strain_from_stretch(material_springs.limit_stretch),
-                double_green_strain_from_stretch(kappa * material_springs.peak_stretch),
-            ]
-            for material_springs in springs
-        ]
+    peak, limit = (
+        np.array([getattr(material_springs, name) for material_springs in springs])
+        for name in ("peak_stretch", "limit_stretch")
     )
     cell, mix = _coarse_cell_kinds_and_their_constants(plate, springs)
-    bind(bilinear.LAW)
+    law = law_of_zone(model)
+    bind(law)
+    columns = no_bonds(law)
+    bounds = _strain_bounds(model, columns, peak, limit)
     return LatticeConstants(
-        empty_law_columns=no_bonds(bilinear.LAW),  # a brittle bond is one whose peak is its limit
+        empty_law_columns=columns,
         numbering=numbering,
         spacing=h,
         family_dx=first.family_dx,
@@ -146,10 +159,12 @@ def create_lattice_constants(
         coarsest_neighbour_offsets=coarse.family_dy * numbering.far.strides[1] + coarse.family_dx,
         bond_parts=divide_bonds_at_cell_borders(np.column_stack([first.family_dx, first.family_dy])),
         family_reach=int(np.abs(first.family_dx).max()),
-        softens_or_limits_vary=len(springs) > 1 or first.peak_stretch < first.limit_stretch,
+        softens_or_limits_vary=len(springs) > 1 or law is not bilinear.LAW or bool((peak < limit).any()),
         dt=dt,
         node_constants=create_node_constants(plate, irregular_bonds, springs),
         material_bond_stiffness=np.array([material_springs.spring_table[:, 5] for material_springs in springs]),
+        material_peak_strain=double_green_strain_from_stretch(peak),
+        material_limit_strain=double_green_strain_from_stretch(limit),
         strain_bounds=bounds,
         least_strain_bounds=bounds.min(axis=0),
         irregular_bond_stiffness=irregular_bonds.stiffness,
@@ -163,6 +178,19 @@ def create_lattice_constants(
         is_cell_cut=np.zeros(numbering.cells.place_count, dtype=np.bool_),
         precrack_segments=lengthen_cracks(plate.precrack_segments),
     )
+
+
+def _strain_bounds(
+    model: Model, columns: PairColumns, peak: NDArray[np.float64], limit: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """The e (materials, 3) of `LatticeConstants.strain_bounds` from the peaks and limits (materials, k) of bonds.
+
+    Raises ModelError for a law that is not straight at rest.
+    """
+    kappa = model.settings.run.hybrid.kappa
+    hot = [stretch_that_makes_cells_fine(columns, *ends, kappa=kappa) for ends in zip(peak, limit, strict=True)]
+    check_straight_at_rest(model, min(hot))
+    return np.asarray(double_green_strain_from_stretch(np.column_stack([peak.min(axis=1), limit.min(axis=1), hot])))
 
 
 def _coarse_cell_kinds_and_their_constants(

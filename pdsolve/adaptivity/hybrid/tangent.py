@@ -14,8 +14,9 @@ from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron, vst
 
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.codegen.vector_code import ROW
+from pdsolve.lattice.row_histories import Secants
 from pdsolve.operators.tangent import of_followers
-from pdsolve.zone.tangent import SpringsBetweenPoints, tangent_of_springs
+from pdsolve.zone.tangent import BondCurves, SpringsBetweenPoints, tangent_of_springs
 
 
 class PointInterpolationWeights(NamedTuple):
@@ -101,14 +102,16 @@ def assemble_tangent(
     """
     tied = kron(points.node_weights, eye_array(2)).tocsr()
     density, lightness = (diags_array(np.repeat(field, 2)) for field in (rho, inverse_mass))
-    force_tangent = tangent_of_springs(points.point_weights, value, _springs_of_lattices_and_pieces(hybrid, points))
+    springs = _springs_of_lattices_and_pieces(hybrid, points, points.point_weights @ value)
+    force_tangent = tangent_of_springs(points.point_weights, value, springs)
     return (density @ tied @ lightness @ (force_tangent + of_supports)).tocsr()
 
 
 def _springs_of_lattices_and_pieces(
-    hybrid: HybridEngine, points: PointInterpolationWeights
+    hybrid: HybridEngine, points: PointInterpolationWeights, u: NDArray[np.float64]
 ) -> Iterator[SpringsBetweenPoints]:
-    """The fine bonds, the springs of coarse and far nodes, and the pieces of clipped bonds, from both ends."""
+    """The fine bonds, the springs of coarse and far nodes, and the pieces of clipped bonds, from both ends, where
+    points have the displacements u (p, 2)."""
     zone, lattice = hybrid.zone, hybrid.lattice
     for nodes, point_at, table, offsets in (
         (zone.fine, points.point_at_fine_place, lattice.spring_table, lattice.neighbour_offsets),
@@ -122,9 +125,36 @@ def _springs_of_lattices_and_pieces(
         node, k = np.nonzero(of_places)
         stiffness = of_places[node, k]
         source, target, xi = point_at[places[node]], point_at[places[node] + offsets[k]], table[k, :2]
-        stiffness = stiffness if uses_green_strain else stiffness * np.sqrt((xi**2).sum(axis=1))
-        yield SpringsBetweenPoints(source, target, xi, stiffness, uses_green_strain)
+        if uses_green_strain:
+            yield SpringsBetweenPoints(source, target, xi, stiffness, True)
+            continue
+        pull, eta = stiffness * np.sqrt((xi**2).sum(axis=1)), u[target] - u[source]
+        is_longer = ((2 * xi + eta) * eta).sum(axis=1) > 0
+        yield SpringsBetweenPoints(source, target, xi, *_pulls_and_curves(hybrid, places[node], k, pull, is_longer))
     piece, (first, second) = zone.clipped_pieces.springs[: zone.counts.clipped_pieces], points.piece_end_points
     piece_xi = np.column_stack([piece["xi_x"], piece["xi_y"]])
     for near, far, sign in ((first, second, 1.0), (second, first, -1.0)):
         yield SpringsBetweenPoints(near, far, sign * piece_xi, piece["stiffness"], True)
+
+
+def _pulls_and_curves(
+    hybrid: HybridEngine,
+    places: NDArray[np.int64],
+    k: NDArray[np.int64],
+    pull: NDArray[np.float64],
+    is_longer: NDArray[np.bool_],
+) -> tuple[NDArray[np.float64], bool, BondCurves | None]:
+    """What fine bonds (b,) from these places, with their numbers in the family, have as `SpringsBetweenPoints`, from
+    their `pull` at unit stretch before they soften."""
+    history, lane = hybrid.zone.history, places % ROW
+    entry = hybrid.zone.fine.stiffness_index_of_row[places // ROW].astype(np.int64)
+    of_bonds = entry.clip(0), k, lane
+    if isinstance(history, Secants):
+        secant = np.where((entry >= 0) & (is_longer | (history.floor < 0)), history.secant[of_bonds], 1.0)
+        return pull * secant, False, None
+    if history is None:
+        return pull, False, None
+    usual = history.usual_peak[k], history.usual_limit[k], np.zeros(len(k))
+    own = (entries[of_bonds] for entries in (history.peak, history.limit, history.worst))
+    numbers = (np.where(entry >= 0, *both).astype(np.float64) for both in zip(own, usual, strict=True))
+    return pull, False, BondCurves(hybrid.law, *numbers)

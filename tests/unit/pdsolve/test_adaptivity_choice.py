@@ -104,6 +104,7 @@ def test_a_total_force_strains_as_its_traction_does() -> None:
             {"material": Material(E=65e9, rho=2235.0, G0=204.0, model="ordinary", nu=0.2)},
             ("none", "families"),
         ),
+        ({"material": msgspec.structs.replace(GLASS, law="cohesive", f_t=3e7)}, ("none", "bilinear")),
     ],
 )
 def test_what_a_moving_zone_refuses_is_fine_everywhere(changes: dict[str, object], words: tuple[str, ...]) -> None:

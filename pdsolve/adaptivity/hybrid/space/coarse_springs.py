@@ -27,6 +27,7 @@ from pdsolve.lattice.tile_bonds import INVERSE, PULL, offset_table
 from pdsolve.lattice.tiles import ALIKE, EMPTY, MODULUS, SOFT_GENERAL, VOLUME, Tiles, displaced_of_bond
 from pdsolve.laws.law import Law
 from pdsolve.laws.pair import no_bonds
+from pdsolve.laws.pair_laws import brittle
 from pdsolve.numerics.memory import aligned
 from pdsolve.zone.cells import (
     COARSE,
@@ -73,6 +74,12 @@ def create_coarse_sites(numbering: LatticeNumbering, h: float) -> Sites:
     margin = -(-(sum(numbering.strides)) // ROW) * ROW
     node = np.full(-(-numbering.place_count // ROW) * ROW, -1, dtype=np.int32)
     return Sites(np.zeros(0, dtype=np.int64), node, numbering.counts, margin, 2 * h, coarse_spring_offsets())
+
+
+def law_of_springs(law: Law) -> Law:
+    """The law of the springs that stand for bonds of this law: one of straight lines."""
+    assert law.pair is not None
+    return brittle.LAW if law.pair.is_curved else law
 
 
 def create_spring_tiles(law: Law, sites: Sites, stiffness: NDArray[np.float64]) -> Tiles:
@@ -173,9 +180,11 @@ def _spring_double_green_strain(tiles, u, site, slot):  # type: ignore[no-untype
 
 
 @cached_njit(error_model="numpy")
-def list_nodes_with_stretched_springs(numbering, tiles, unbreakable, u, refinement_stretch, stretched_sites):  # type: ignore[no-untyped-def]
+def list_nodes_with_stretched_springs(  # type: ignore[no-untyped-def]
+    numbering, tiles, unbreakable, u, refinement_stretch, either_way, stretched_sites
+):
     """List the fine sites of coarse nodes with a spring stretched beyond `refinement_stretch` (sites,) at one of its
-    ends; returns how many there are.
+    ends, or shortened so far, if `either_way`; returns how many there are.
 
     `unbreakable` (n,) are the nodes whose bonds do not break.
     """
@@ -191,7 +200,8 @@ def list_nodes_with_stretched_springs(numbering, tiles, unbreakable, u, refineme
                 site = t * ROW + lane
                 neighbour = site + tiles.offsets[slot]
                 limit = min(refinement_stretch[site], refinement_stretch[neighbour])
-                above = _spring_double_green_strain(tiles, u, site, slot) > limit * (2 + limit)
+                e = _spring_double_green_strain(tiles, u, site, slot)
+                above = (abs(e) if either_way else e) > limit * (2 + limit)
                 if above and not (unbreakable[tiles.node[site]] or unbreakable[tiles.node[neighbour]]):
                     for end in (site, neighbour):
                         if count < len(stretched_sites):

@@ -95,17 +95,17 @@ class BodyEngine(SwellingBody):
             unbreakable=np.append(tiles.unbreakable, np.ones(self.node_count, np.bool_)),  # those on the border
             material=np.tile(tiles.material, 2),
         )
-        strength = coarse_springs.coarse_spring_stiffnesses(
-            coarse_springs.cubic_stiffness(tiles.vectors), vertex_force_ratio, sites.spacing
-        )
-        springs = coarse_springs.create_spring_tiles(full_body.law, full_body.coarse_sites, strength)
-        springs = tile_bonds.in_precision(springs, kind)
+        elastic = coarse_springs.cubic_stiffness(tiles.vectors)
+        strength = coarse_springs.coarse_spring_stiffnesses(elastic, vertex_force_ratio, sites.spacing)
+        law = coarse_springs.law_of_springs(full_body.law)
+        of_springs = law, full_body.coarse_sites, strength
+        springs = tile_bonds.in_precision(coarse_springs.create_spring_tiles(*of_springs), kind)
         if full_body.swells:
             tiles = tiles._replace(shrink=aligned_zeros(tiles.cells.shape[1], kind))
             springs = springs._replace(shrink=aligned_zeros(springs.cells.shape[1], kind))
-        bound = np.zeros(self.node_count)
-        self.fine = TileLattice(full_body.law, tiles, sites._replace(node=tiles.node), bound, True, threads)
-        self.coarse = TileLattice(full_body.law, springs, full_body.coarse_sites, bound, True, threads)
+        bounds = np.zeros(self.node_count), True, threads
+        self.fine = TileLattice(full_body.law, tiles, sites._replace(node=tiles.node), *bounds)
+        self.coarse = TileLattice(law, springs, full_body.coarse_sites, *bounds)
         self.state = zero_state(2 * self.node_count, 3, kind)._replace(
             value=np.zeros((0, 3), kind), rate=np.zeros((0, 3), kind)
         )
@@ -506,8 +506,9 @@ class BodyEngine(SwellingBody):
         margin, springs, tiles = self.full_body.fine_sites.margin, self.coarse.tiles, self.fine.tiles
         torn = self.full_body.fine_sites.site[np.unique(self.fine.broken(after_step).source)].astype(np.int64) - margin
         hot_sites = np.zeros(26 * max(len(self.nodes.coarse_places), 1), dtype=np.int64)
+        of_springs = self.full_body.refinement_stretch, self.full_body.either_way
         count = coarse_springs.list_nodes_with_stretched_springs(
-            numbering, springs, fine.tiles.unbreakable, self.coarse_u, self.full_body.refinement_stretch, hot_sites
+            numbering, springs, fine.tiles.unbreakable, self.coarse_u, *of_springs, hot_sites
         )
         softened = np.flatnonzero(tiles.memory >= 0)
         which, _, lane = np.nonzero(tiles.worst[tiles.memory[softened]])

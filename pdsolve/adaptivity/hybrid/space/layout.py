@@ -33,6 +33,7 @@ class FullBody(NamedTuple):
     precrack_cut_counts_of_places: NDArray[np.int64]  # (n,) bonds of each fine node that pre-cracks cut
     relative_cell_modulus: NDArray[np.float64]  # (c,) stiffness of coarse cells over that of the first material
     refinement_stretch: NDArray[np.float64]  # (sites,) of springs of a coarse node; beyond it cells around become fine
+    either_way: bool = False  # whether they make cells fine where they are so much shorter, too
     stiffness_over_density: float = 0.0  # 1/s^2, of all nodes of any zone: `Operator.stiffness_bound` over density
     solid_cell_count: int = 1  # cells that are not void
     full_drive: Drive | None = None  # conditions on all fine nodes

@@ -15,6 +15,7 @@ from pdsolve.adaptivity.hybrid.space.arrangement import FineLattice
 from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tiles import MODULUS, VOLUME, Tiles
 from pdsolve.model import Model
+from pdsolve.zone.bond_law import stretch_that_makes_cells_fine
 from pdsolve.zone.cells import ZoneNumbering
 
 BESIDE = 2  # spacings from a coarse node to the farthest fine nodes of its cells
@@ -55,16 +56,19 @@ def relative_cell_moduli(numbering: ZoneNumbering, tiles: Tiles) -> NDArray[np.f
     return np.pad(modulus, numbering.cells.margins[0], constant_values=1.0).ravel()
 
 
-def least_peak_stretches(numbering: ZoneNumbering, tiles: Tiles) -> NDArray[np.float64]:
-    """The least peak (sites,) of a bond's stretch in the cells around each coarse node; infinite without a node."""
+def least_stretches_that_make_cells_fine(numbering: ZoneNumbering, tiles: Tiles, kappa: float) -> NDArray[np.float64]:
+    """The stretch (sites,) of springs of each coarse node beyond which cells around become fine: that of the weakest
+    bond in its cells; infinite without a node."""
     nodes = tiles.node[: numbering.fine.place_count]
     count = int(np.sqrt(len(tiles.peak)) + 0.5)
-    material_peak = tiles.peak[:: count + 1].min(axis=1)  # a bond between two materials has one between theirs
-    least_peak = np.where(nodes < 0, np.inf, material_peak[tiles.material[nodes]]).reshape(numbering.fine.shape)
+    ends = zip(tiles.peak[:: count + 1], tiles.limit[:: count + 1], strict=True)
+    of_materials = np.array([stretch_that_makes_cells_fine(tiles.law, *each, kappa) for each in ends])
+    # a bond between two materials has one between theirs
+    least = np.where(nodes < 0, np.inf, of_materials[tiles.material[nodes]]).reshape(numbering.fine.shape)
     for axis, count in enumerate(numbering.coarse.counts[::-1]):
-        ends = (_every_second_value(least_peak, axis, step, count, np.inf) for step in range(-BESIDE, BESIDE + 1))
-        least_peak = np.minimum.reduce(list(ends))
-    return least_peak.ravel()
+        near = (_every_second_value(least, axis, step, count, np.inf) for step in range(-BESIDE, BESIDE + 1))
+        least = np.minimum.reduce(list(near))
+    return least.ravel()
 
 
 def _every_second_value(

@@ -22,6 +22,7 @@ from pdsolve.adaptivity.hybrid.space.materials import ModelWithMeanDensities
 from pdsolve.adaptivity.two_lattice_operator import EnergyBalanceTotals, TwoLatticeOperator
 from pdsolve.conditions import ACCELERATION
 from pdsolve.lattice import tile_bonds
+from pdsolve.laws.calls import pair_of
 from pdsolve.model import Model
 from pdsolve.state import Broken, State, Unknown
 from pdsolve.zone.node_models import model_of_rows_with_spacing_and_areas
@@ -188,12 +189,13 @@ class HybridBodyOperator(TwoLatticeOperator[BodyEngine]):
         ground = self.engine.ground_springs
         row = self._row[self.engine.full_body.fine_sites.site[ground.node] - self.engine.full_body.fine_sites.margin]
         of_ground = tangent_of_ground_springs(row, ground.axis, ground.value / self.area[row], state.value.shape)
-        return (density @ tangent_of_springs(points, state.value, self._springs_between_points())).tocsr() + of_ground
+        springs = self._springs_between_points(points @ state.value)
+        return (density @ tangent_of_springs(points, state.value, springs)).tocsr() + of_ground
 
-    def _springs_between_points(self) -> Iterator[SpringsBetweenPoints]:
+    def _springs_between_points(self, u: NDArray[np.floating]) -> Iterator[SpringsBetweenPoints]:
         """The fine bonds, coarse springs, and pieces of clipped bonds, from both ends. Points are the nodes, those on
-        the border, and the ends of pieces."""
-        from pdsolve.zone.tangent import SpringsBetweenPoints
+        the border, and the ends of pieces, and have the displacements u (p, 3)."""
+        from pdsolve.zone.tangent import BondCurves, SpringsBetweenPoints
 
         engine, seam, nodes, border = (
             self.engine,
@@ -214,8 +216,14 @@ class HybridBodyOperator(TwoLatticeOperator[BodyEngine]):
             tiles, sites = lattice.tiles, lattice.sites._replace(site=site.astype(np.int32), node=node)
             source, target, slot = tile_bonds.list_bonds(sites, tiles.bits, points)
             xi, stiffness = tile_bonds.springs_of_bonds(tiles, sites, source, target, slot)
-            stiffness *= tile_bonds.remaining_shares(tiles, sites, source, slot) * force_per_density[source]
-            yield SpringsBetweenPoints(source, target, xi, stiffness, False)
+            stiffness, eta = stiffness * force_per_density[source], u[target] - u[source]
+            if pair_of(tiles.law).is_curved:
+                curve = BondCurves(engine.full_body.law, *tile_bonds.curves_of_bonds(tiles, sites, source, slot))
+                yield SpringsBetweenPoints(source, target, xi, stiffness, False, curve)
+                continue
+            softens = ((2 * xi + eta) * eta).sum(axis=1) > tiles.floor
+            share = tile_bonds.remaining_shares(tiles, sites, source, slot)
+            yield SpringsBetweenPoints(source, target, xi, stiffness * np.where(softens, share, 1.0), False)
         groups, is_stiff = seam.pieces.groups, seam.pieces.groups.stiffness > 0
         near = nodes + border + np.repeat(groups.near_point, TOGETHER)[is_stiff].astype(np.int64)
         far = nodes + border + groups.far_point[is_stiff].astype(np.int64)

@@ -20,7 +20,7 @@ from pdsolve.adaptivity.hybrid.space.arrangement import (
 from pdsolve.adaptivity.hybrid.space.engine import BodyEngine
 from pdsolve.adaptivity.hybrid.space.layout import FullBody
 from pdsolve.adaptivity.hybrid.space.materials import (
-    least_peak_stretches,
+    least_stretches_that_make_cells_fine,
     limit_strain_ratios_of_pairs,
     relative_cell_moduli,
 )
@@ -33,6 +33,7 @@ from pdsolve.lattice.sites import Sites
 from pdsolve.lattice.tile_bonds import INVERSE, PULL
 from pdsolve.lattice.tiles import VOLUME, Tiles
 from pdsolve.laws import law_of
+from pdsolve.laws.calls import bind, pair_of
 from pdsolve.laws.law import Law
 from pdsolve.model import Model
 from pdsolve.operators.ground_supports import springs_of_components
@@ -40,7 +41,7 @@ from pdsolve.schemes.cubic_lattice_bonds import tiled
 from pdsolve.zone.bond_parts import divide_bonds_at_cell_borders
 from pdsolve.zone.cells import FINE, VOID, create_body_numbering, lattice_coordinates
 from pdsolve.zone.prescribed_motion import nodes_kept_fine_by_prescribed_motion
-from pdsolve.zone.refusals import create_unsupported_error
+from pdsolve.zone.refusals import check_straight_at_rest, create_unsupported_error
 
 SEAM = 0.9  # of the squared sure step of the fine lattice: what short, stiff pieces leave
 SHEAR = 1e-6  # of the block in which tau is found
@@ -57,16 +58,19 @@ def create_body_operator_and_stable_step(
     """
     swells, steep = model.swells, rows_with_content_jumps(model)
     model = model.moving_part() if swells else model
+    law = law_of(model)
+    _check_law(model, law)
     tiling = tiled(model, np.float64)
     if tiling is None:
         raise create_unsupported_error(
             model, "$.nodes", "on nodes that fit no tiles", "one cubic lattice, more than two horizons long"
         )
-    law, h = law_of(model), tiling.sites.spacing
+    h = tiling.sites.spacing
     full_body = create_full_body(law, model, tiling.sites, tiling.tiles)._replace(
-        precrack_cut_counts_of_places=tiling.counted.family - tiling.counted.bonds
+        precrack_cut_counts_of_places=tiling.counted.family - tiling.counted.bonds,
     )
     numbering, tiles = full_body.fine_lattice.numbering, tiling.tiles
+    check_straight_at_rest(model, float(full_body.refinement_stretch.min()))
     nodes = prod(int(count) + BLOCK for count in numbering.fine.counts)
     if (
         nodes * full_body.fine_lattice.part_ends.units_per_spacing**3 >= 1 << 63
@@ -101,6 +105,14 @@ def create_body_operator_and_stable_step(
     return HybridBodyOperator(engine), bound
 
 
+def _check_law(model: Model, law: Law) -> None:
+    """Raise ModelError for a law that tiles do not have."""
+    pair = law.pair
+    if pair is not None and pair.is_curved and (pair.elastic_in_compression or len(model.materials) > 1):
+        which = f"{model.place_of(len(model.materials) - 1)}.law", f"'{model.materials[-1].law}'"
+        raise create_unsupported_error(model, *which, "one material, and no elastic_in_compression, of a curved law")
+
+
 def create_operator_of_cells(
     full_body: FullBody,
     cells: NDArray[np.uint8],
@@ -114,6 +126,7 @@ def create_operator_of_cells(
 
 def create_full_body(law: Law, model: Model | None, sites: Sites, tiles: Tiles) -> FullBody:
     """What does not change of a body with these bonds, of this law."""
+    bind(law)
     reach, half = int(np.abs(sites.ways).max()), len(sites.ways) // 2
     numbering = create_body_numbering(tuple(int(side) for side in sites.sides), reach)
     parts = divide_bonds_at_cell_borders(sites.ways[half:])
@@ -138,7 +151,8 @@ def create_full_body(law: Law, model: Model | None, sites: Sites, tiles: Tiles) 
         at,
         np.zeros(len(sites.site), dtype=np.int64),
         relative_cell_moduli(numbering, tiles),
-        kappa * least_peak_stretches(numbering, tiles),
+        least_stretches_that_make_cells_fine(numbering, tiles, kappa),
+        pair_of(tiles.law).is_curved,
     )
 
 

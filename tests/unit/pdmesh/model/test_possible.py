@@ -139,7 +139,7 @@ def changed(**more: Any) -> Material:
         (of_medium(Run(solver="static")), 2, naming("$.run.solver", found="static", expected="implicit")),
         (of_medium(Run(damping=1.0)), 3, naming("$.run.damping", found="1", expected="diffusion")),
         (of(SOFT, COLLOCATED), 2, naming("$.material.law", found="bilinear", expected="run.adapt")),
-        (of(OWN, Run(adapt="hybrid")), 2, naming("law", found="own", expected=("brittle", "bilinear"))),
+        (of(OWN, COLLOCATED), 2, naming("law", found="own", expected=("brittle", "run.adapt"))),
         (
             of(GLASS, Run(adapt="split")),
             3,
