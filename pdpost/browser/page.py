@@ -118,11 +118,13 @@ def offline_page(
     for step in progress(chosen.steps):
         addresses += [f"field/{field}/{part}/{step}" for field, part in chosen.fields] + [f"cracks/{step}"] * cracked
         data |= {address: _known(results, address, chosen.nodes) for address in addresses if address not in data}
+    packed = {address: base64.b64encode(zlib.compress(block)).decode() for address, block in data.items()}
     blocks = [
-        f'<script type="text/plain" data-address="{address}">{base64.b64encode(zlib.compress(block)).decode()}</script>'
-        for address, block in data.items()
+        f'<script type="text/plain" data-address="{for_html(address)}">{text}</script>'
+        for address, text in packed.items()
     ]
-    scripts = [f"<script>{ENDS_SCRIPT.sub(_escaped, text)}</script>" for text in (library(), _beside("view.js"))]
+    sources = [ENDS_SCRIPT.sub(_escaped, source) for source in (library(), _beside("view.js"))]
+    scripts = [f"<script>{text}</script>" for text in sources]
     note = f"This file leaves out {chosen.left_out}." if chosen.left_out else ""
     return _page({"title": for_html(name), "policy": OFFLINE, "note": note, "scripts": "\n".join([*blocks, *scripts])})
 

@@ -62,6 +62,7 @@ ALIKE = """damage separation energy displacement velocity acceleration strain st
     report export notch verify"""
 WORDS = {  # a call of each command; those that find nothing to show in these results may say so
     "pdmesh build": "plate.geo -o built.json",
+    "pdmesh init": "plate.geo",
     "pdmesh info": "plate.json",
     "pdmesh preview": "plate.json -o preview.png",
     "pdmesh plan": "study.toml",
@@ -80,6 +81,7 @@ WORDS = {  # a call of each command; those that find nothing to show in these re
     **{f"pdpost {name}": "small.sqlite" for name in ALIKE.split()},
 }
 REFUSED = {
+    "init",
     "plastic",
     "rotation",
     "volume",
