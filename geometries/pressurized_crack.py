@@ -4,6 +4,7 @@ Source: I. N. Sneddon, Proc. R. Soc. Lond. A 187 (1946) 229-260: K = p sqrt(pi a
 middle of a crack in an infinite plate. C. E. Feddersen's sqrt(sec(pi a / W)) of a width W makes K 1.7 % larger here.
 Two scales: half of the crack is twenty fine spacings long, and the plate is six times as wide, and twelve times as
 high, as the whole crack.
+Calibrated: nothing.
 """
 
 from pdmesh import Material, Run, Scene, Static, box

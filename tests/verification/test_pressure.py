@@ -6,15 +6,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from messages import naming
 from numpy.typing import NDArray
 from pressure_cracks import MATERIAL, NU, A, E, P, exact_of_penny, line_crack, opening_of_line, penny, solved
 
-from pdmesh import Circle, Material, Run, Scene, box, build, friedlander
+from pdmesh import Circle, Material, Run, Scene, Static, box, build, friedlander
 from pdsolve.measures.intensities_3d import compute_front_intensities
+from pdsolve.measures.loaded_faces import loaded_faces_at
 from pdsolve.measures.stress_intensities import follow_tip_intensities
 from pdsolve.model import Model
 from pdsolve.options import Options
-from pdsolve.results import Results
+from pdsolve.results import Results, ResultsError
 from pdsolve.run.simulation import resume, simulate
 
 
@@ -158,3 +160,16 @@ def test_a_plate_under_blast_takes_up_its_impulse() -> None:
     passing = (time > 0.1 / c + 5e-6) & (time < 0.1 / c + 3e-5)
     exact = P / (2500 * c) * np.interp(time - 0.1 / c, *np.array(blast).T)
     assert speed[passing].mean() / exact[passing].mean() == pytest.approx(0.954, abs=0.01)  # the lattice is stiffer
+
+
+@pytest.mark.slow
+def test_intensities_along_an_equilibrium_path_are_refused_under_pressure() -> None:
+    """The load factor of a path is not in the results."""
+    soft = Material(E=E, rho=2500, G0=1e3, law="bilinear", kr=2.0)
+    plate = Scene(box(0, 0, 0.02, 0.016), 1e-3, soft, run=Run(solver="static", static=Static(load_steps=1)))
+    plate = plate.crack([(0.0065, 0.0085), (0.0135, 0.0085)], "slit").load("crack slit", pressure=P).fix("bottom")
+    built = build(plate)
+    said = naming("pressure", "load factor", expected="load steps")
+    results = simulate(Model(built.grid, built.settings), None, Options(threads=1))
+    with results, pytest.raises(ResultsError, match=said):
+        loaded_faces_at(results, 1)
