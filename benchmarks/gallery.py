@@ -71,6 +71,7 @@ SHOWN = {
     "brazilian_platens.py": Shown("damage --scale auto"),
     "cook_membrane.py": Shown("displacement --scale auto"),
     "double_cantilever.py": Shown("sif"),
+    "graded_bar.py": Shown("strain --component xx"),
     "hot_disc.py": Shown("stress"),
     "kalthoff_winkler_steel.py": Shown("damage --largest 0.5", "--adapt hybrid --set spacing=5e-4"),
     "kalthoff_winkler_projectile.py": Shown("velocity"),

@@ -19,7 +19,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.files import read_bytes
+from pdmesh.files import check_regular, read_bytes
 from pdmesh.model.neighbours import tree_of
 from pdmesh.model.values_of_place import (
     AXES,
@@ -227,7 +227,7 @@ def path_beside(name: str, folder: Path) -> Path:
     try:
         if path.resolve().parent != folder.resolve():
             raise PlaceError(f"{name} is a link out of the folder; use a file beside the model")
-        path.stat()
+        check_regular(path)
     except OSError as error:
         raise PlaceError(f"{name}: cannot be read: {error.strerror or error}") from None
     return path

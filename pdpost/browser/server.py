@@ -8,7 +8,6 @@ compared, reach this server through a name of its own.
 from __future__ import annotations
 
 import secrets
-from concurrent.futures import Future
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -33,6 +32,9 @@ HEADERS = {
 }
 
 
+Replies = SimpleQueue[bytes | Exception | None]  # to one request: its answer, or what was raised
+
+
 class MessageReader:
     """Computes messages in one thread, which has the database open; a run that begins anew is opened anew.
 
@@ -41,16 +43,19 @@ class MessageReader:
 
     def __init__(self, path: Path) -> None:
         self._path = path
-        self._requests: SimpleQueue[tuple[str, Future[bytes | None]] | None] = SimpleQueue()
+        self._requests: SimpleQueue[tuple[str, Replies] | None] = SimpleQueue()
         self._open: tuple[tuple[int, int], Results] | None = None
         self._thread = Thread(target=self._work, daemon=True)
         self._thread.start()
 
     def read(self, address: str) -> bytes | None:
         """The message at an address; None for an unknown one. Raises ResultsError, OSError."""
-        reply: Future[bytes | None] = Future()
-        self._requests.put((address, reply))
-        return reply.result()
+        replies: Replies = SimpleQueue()
+        self._requests.put((address, replies))
+        reply = replies.get()
+        if isinstance(reply, Exception):
+            raise reply
+        return reply
 
     def close(self) -> None:
         """Close the database once what is asked for has been computed."""
@@ -68,14 +73,13 @@ class MessageReader:
                 continue
             if request is None:
                 return self._close()
-            address, reply = request
+            address, replies = request
             try:
                 results = self._results()
-                reply.set_result(messages.answer(results, address))
+                replies.put(messages.answer(results, address))
                 is_running = results.meta().get("status") == "running"
             except Exception as error:
-                if not reply.done():
-                    reply.set_exception(error)
+                replies.put(error)  # after an answer, nobody waits for it
 
     def _results(self) -> Results:
         stat = self._path.stat()

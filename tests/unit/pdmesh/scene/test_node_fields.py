@@ -128,7 +128,7 @@ def test_a_body_has_fields() -> None:
         ("E", lambda x, y: x[0], r"field of E: the function raises TypeError at \(0, 0\) m"),
         ("E", np.ones(7), r"has the shape \(7,\); give \(231,\), one for each node"),
         ("E", "short.npy", r"short.npy, linear has the shape \(5,\); give \(231,\)"),
-        ("E", "missing.csv", r"field of E: missing.csv: cannot be read: No such file"),
+        ("E", "missing.csv", r"field of E: missing.csv: cannot be read: there is no such file"),
         ("E", "small.csv", r"m outside of its table; use a table that covers it"),
         ("E", "nan.csv", r"nan.csv: numbers in a table are not finite"),
         ("E", "E.vtu", r"E.vtu has the values E, grain; name one of them, E.vtu:NAME"),
