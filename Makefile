@@ -4,7 +4,7 @@
 # make package   build wheel and source, install the wheel into an empty environment, use it there
 # make pythons   the same with every Python from 3.11 to 3.14 that is found
 # make check   lint, types, import contracts, limits of files and functions
-# make slow    the verification that takes minutes (TURN=1/8: an eighth of it)
+# make slow    the verification that takes minutes (TURN=1/16: a sixteenth of it)
 # make breadth  more cases of what the quick tests sample (TURN likewise)
 # make optional  the tests of packages that users may leave out, and whether devices can be tested here
 # make thesis  every scene of the thesis in both modes, on one page

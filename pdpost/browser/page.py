@@ -56,10 +56,10 @@ def library() -> str:
     """The text of three.js. Raises FigureError."""
     spec = find_spec(LIBRARY[0])
     folder = Path(spec.origin).parent if spec is not None and spec.origin is not None else None
-    found = sorted(folder.glob(LIBRARY[1])) if folder is not None else []
-    if not found:
+    copies = sorted(folder.glob(LIBRARY[1])) if folder is not None else []
+    if not copies:
         raise FigureError("view needs three.js; install it: pip install 'pdsuite[view]'")
-    return found[-1].read_text(encoding="utf-8")
+    return copies[-1].read_text(encoding="utf-8")
 
 
 def files(name: str) -> dict[str, tuple[str, bytes]]:

@@ -36,7 +36,7 @@ def stretch_that_makes_cells_fine(
     straight = np.ones((LOOKS, len(peak)), dtype=np.bool_)
     for sign in (-1.0, 1.0):
         with np.errstate(invalid="ignore"):
-            found = secant(columns, sign * share * most, 0.0 * share, peak, limit)
-        straight &= np.abs(found - 1) <= NEAR_STRAIGHT
+            secants = secant(columns, sign * share * most, 0.0 * share, peak, limit)
+        straight &= np.abs(secants - 1) <= NEAR_STRAIGHT
     first_bent = np.where(straight.all(axis=0), LOOKS, np.argmin(straight, axis=0))
     return float((first_bent / LOOKS * most).min())
