@@ -151,7 +151,8 @@ class Model:
         mine = tuple(condition for condition in self.settings.conditions if isinstance(condition, OfMechanics))
         fields = tuple(name for name in self.settings.run.fields if name not in OF_CONTENT)
         run = msgspec.structs.replace(self.settings.run, fields=fields)
-        return self._part(physics="mechanics", medium=None, media=(), conditions=mine, run=run)
+        grid = replace(self.grid, fields=tuple(one for one in self.grid.fields if one.quantity != "alpha"))
+        return self._part(grid, physics="mechanics", medium=None, media=(), conditions=mine, run=run)
 
     def diffusing_part(self, time_step: float) -> Model:
         """The diffusion of a model that swells, in steps of `time_step`, s."""
@@ -171,10 +172,13 @@ class Model:
         assert self.settings.medium is not None
         # `Swelling` knows what breaks and what deforms
         medium = msgspec.structs.replace(self.settings.medium, broken=1.0, deformation=False)
-        return self._part(physics="diffusion", medium=medium, material=None, regions=(), conditions=mine, run=steps)
+        grid = replace(self.grid, fields=())
+        return self._part(
+            grid, physics="diffusion", medium=medium, material=None, regions=(), conditions=mine, run=steps
+        )
 
-    def _part(self, **settings: Any) -> Model:
-        return replace(self, settings=msgspec.structs.replace(self.settings, **settings))
+    def _part(self, grid: Grid, **settings: Any) -> Model:
+        return replace(self, grid=grid, settings=msgspec.structs.replace(self.settings, **settings))
 
     def _check_places(self) -> None:
         position = self.grid.position

@@ -33,7 +33,7 @@ def with_fields(grid: Grid, settings: Settings, placed: Sequence[PlacedField], s
         raise SceneError(f"{placed[0].place}: the scene has no material; give it one")
     materials = (settings.material, *(region.material for region in settings.regions))
     number = selection.last_selecting(settings.regions, grid)
-    for field in placed:
+    for field in sorted(placed, key=lambda field: field.quantity == STRETCH):  # their energies depend on E
         rows = _rows(field, settings, number)
         quantity = "G0" if field.quantity == STRETCH else field.quantity
         for at in np.unique(number[rows]).tolist():

@@ -149,7 +149,8 @@ class PlacedField:
                 )
             return np.asarray(value[rows], dtype=float)
         if isinstance(value, Picture):
-            return value.values(position[rows])
+            low, high = position.min(axis=0), position.max(axis=0)
+            return replace(value, box=value.box or (low[0], low[1], high[0], high[1])).values(position[rows])
         if callable(value):
             return _called(value, position[rows], self.place)
         if isinstance(value, Table) and self.rule == "nearest":
@@ -245,7 +246,7 @@ def _pixels(name: str, folder: Path) -> Array:
                 raise PlaceError(f"{name} has {picture.width} x {picture.height} pixels; use fewer")
             grey = picture if picture.mode in ("L", "F") or picture.mode.startswith("I") else picture.convert("L")
             return np.asarray(grey, dtype=float)
-    except (OSError, ValueError, SyntaxError) as error:
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
         if isinstance(error, PlaceError):
             raise
         raise PlaceError(f"{name}: cannot be read ({error}); use a picture that Pillow reads") from None

@@ -259,12 +259,14 @@ def _soften_line(history, entry, k, lane, worst, peak, limit):  # type: ignore[n
 
 @overloaded(INNER)
 def is_usual(history, entry, k, lane):  # type: ignore[no-untyped-def]
-    """Whether a bond has the peak and the limit of rows without an entry."""
+    """Whether a bond has the peak and the limit of rows without an entry, and has not softened."""
     if _is(history, Curves):
-        return _has_usual_limits
+        return _has_usual_limits_and_is_whole
+    if _is(history, Secants):
+        return lambda history, entry, k, lane: history.secant[entry, k, lane] == 1.0
     return lambda history, entry, k, lane: True
 
 
-def _has_usual_limits(history, entry, k, lane):  # type: ignore[no-untyped-def]
-    is_same = history.peak[entry, k, lane] == history.usual_peak[k]
+def _has_usual_limits_and_is_whole(history, entry, k, lane):  # type: ignore[no-untyped-def]
+    is_same = history.peak[entry, k, lane] == history.usual_peak[k] and history.worst[entry, k, lane] == 0.0
     return is_same and history.limit[entry, k, lane] == history.usual_limit[k]

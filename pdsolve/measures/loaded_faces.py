@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from pdmesh.model.document import ARC, CRACK, AnyCondition, Load, Material, Run
+from pdmesh.model.document import ARC, CRACK, AnyCondition, Load, Material, Region, Run
 from pdmesh.model.materials.kind import softens
 from pdmesh.model.node_arrays import selected
 from pdmesh.model.pressed_faces import area_vectors, pieces_of, rim_of
@@ -20,20 +20,23 @@ class _PressureGridFileKeys(msgspec.Struct):
     """The keys of the grid file that say where pressure acts, and how."""
 
     material: Material
+    regions: tuple[Region, ...] = ()
     conditions: tuple[AnyCondition, ...] = ()
     run: Run = Run()
 
 
 def loaded_faces_at(results: Results, step: int) -> LoadedFaces | None:
-    """Faces under pressure after `step`, with their displacements; None without any.
+    """Faces of cracks under a dead pressure after `step`, with their displacements; None without any.
 
     Raises ResultsError along an equilibrium path, whose load factors are not stored.
     """
     model = read(results, _PressureGridFileKeys)
-    loads = [load for load in model.conditions if isinstance(load, Load) and load.pressure is not None and load.faces]
+    pressures = [load for load in model.conditions if isinstance(load, Load) and load.pressure is not None]
+    loads = [load for load in pressures if load.faces and not load.following]  # of cracks
     if not loads:
         return None
-    if at_rest(results) and (model.run.static.control in (ARC, CRACK) or softens(model.material)):
+    materials = (model.material, *(region.material for region in model.regions))
+    if at_rest(results) and (model.run.static.control in (ARC, CRACK) or any(map(softens, materials))):
         raise ResultsError(
             f"{results.name}: faces of a crack are under pressure along an equilibrium path, whose load factor is not"
             " known here; use load steps of bonds that do not soften"

@@ -187,10 +187,10 @@ class _ConditionGridFileKeys(msgspec.Struct):
 
 
 def nodes_of_loads_and_grips(results: Results, nodes: Nodes) -> NDArray[np.bool_]:
-    """Mask (n,) of the nodes on which conditions act after the start, but for pressure in cracks, whose part in the
-    integrals is known."""
+    """Mask (n,) of the nodes on which conditions act after the start, but for dead pressure in cracks, whose part in
+    the integrals is known."""
     acted_on = np.zeros(len(nodes.ids), dtype=bool)
     for condition in read(results, _ConditionGridFileKeys).conditions:
-        if condition["kind"] not in FREE and not condition.get("faces"):
+        if condition["kind"] not in FREE and (not condition.get("faces") or condition.get("following")):
             acted_on |= selected(nodes, condition.get("nodes"), condition.get("box"))
     return acted_on

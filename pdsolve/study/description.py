@@ -265,10 +265,21 @@ def read_study(path: FilePath) -> Study:
         )
     _check_measures(path, about.measures)
     study = Study(path, text, about)
+    _check_names_of_measures(path, study)
     if not study.drawing.is_file():
         raise StudyError(f"{path}: $.drawing: there is no file {study.drawing}; name a drawing")
     study.cases()
     return study
+
+
+def _check_names_of_measures(path: Path, study: Study) -> None:
+    """Raise StudyError for a measure that has the name of another column; case does not count."""
+    parameters = {column for case in study.cases() for column in case.values}
+    taken = {name.lower() for name in (*OWN, *MEASURES, *parameters)}
+    for name in study.description.measures:
+        if name.lower() in taken:
+            raise StudyError(f"{path}: $.measures.{name} is another column of the table; use another name")
+        taken.add(name.lower())
 
 
 def _check_random(path: Path, about: Description, named: list[tuple[str, str, Distribution]]) -> None:
@@ -286,14 +297,15 @@ def _check_random(path: Path, about: Description, named: list[tuple[str, str, Di
             raise StudyError(f"{place} is uniform from {first:g} to {second:g}; give the smaller number first")
         if given[0] != "uniform" and not second > 0:
             raise StudyError(f"{place} has {second:g} as its second number; use one above 0")
-        varied = about.vary.drawing if kind == "drawing" else _flatten_to_dotted_names(about.vary.model)
-        if name in varied:
-            raise StudyError(f"{place} is in $.vary as well; leave it out of one of them")
+        others: list[tuple[str, Set | Vary]] = [("vary", about.vary), ("set", about.set)]
+        others += [("runs", run) for run in about.runs]
+        for where, other in others:
+            if name in (other.drawing if kind == "drawing" else _flatten_to_dotted_names(other.model)):
+                raise StudyError(f"{place} is in $.{where} as well; leave it out of one of them")
 
 
 def _check_measures(path: Path, measures: Mapping[str, RunMeasure]) -> None:
-    """Raise StudyError for a measure that is not exactly one quantity, or that has the name of another column."""
-    reserved = {name.lower() for name in (*OWN, *MEASURES)}
+    """Raise StudyError for a measure that is not exactly one quantity."""
     for name, measure in measures.items():
         given = [quantity for quantity in QUANTITIES if getattr(measure, quantity) is not None]
         if len(given) != 1:
@@ -302,8 +314,6 @@ def _check_measures(path: Path, measures: Mapping[str, RunMeasure]) -> None:
             )
         if measure.unit and measure.sql is None:
             raise StudyError(f"{path}: $.measures.{name}.unit is known from {given[0]}; leave it out")
-        if name.lower() in reserved:
-            raise StudyError(f"{path}: $.measures.{name} is a column of each study; use another name")
 
 
 def _raise_for_no_parameter_value(value: Any, place: str) -> None:

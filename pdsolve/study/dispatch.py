@@ -77,10 +77,9 @@ def solve_study(
             runs = {} if table.rows() else kept(run_folder(table.path), study)
             further = study.description.measures
             measures = measures_of(dimension) | further_measures(further, dimension)
-            is_new = not measures.keys() <= table.columns().keys()  # finished runs are measured anew then
             numbers = table.add(study.cases(), _describe_parameters(study, workers.trust), measures, runs)
             rows = table.rows(numbers.values())
-            over = {*(() if is_new else (FINISHED,)), *(() if again else (FAILED,))}
+            over = (FINISHED,) if again else (FINISHED, FAILED)
             waiting = {row.number for row in rows if row.status not in over}
             cases = [(numbers[case.key], case) for case in study.cases() if numbers[case.key] in waiting]
             drawing = study.drawing.resolve()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import sqlite3
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -18,6 +19,8 @@ from pdsolve.measures.stress_intensities import follow_tip_intensities
 from pdsolve.results import Results, ResultsError
 from pdsolve.study.description import RunMeasure
 from pdsolve.study.measure_columns import measures_of
+
+LONGEST_QUERY = 60.0  # s
 
 
 def compute_run_measures(results: Results, further: Mapping[str, RunMeasure] = {}) -> dict[str, float | None]:
@@ -66,7 +69,12 @@ def _further_measure(results: Results, name: str, measure: RunMeasure) -> float 
     field, value = measure.quantity
     try:
         if field == "sql":
-            row = results.connection.execute(value).fetchone()
+            until = time.monotonic() + LONGEST_QUERY
+            results.connection.set_progress_handler(lambda: time.monotonic() > until, 100_000)
+            try:
+                row = results.connection.execute(value).fetchone()
+            finally:
+                results.connection.set_progress_handler(None, 0)
             return None if row is None or row[0] is None else float(row[0])
         if field == "cycles":
             total = float(cycles_after_steps(results)[-1])
@@ -77,7 +85,7 @@ def _further_measure(results: Results, name: str, measure: RunMeasure) -> float 
         force = history.force[:, history.main_axis]
         peak = int(np.abs(force).argmax())
         return float(force[peak] if field == "peak_force" else history.displacement[peak, history.main_axis])
-    except (ResultsError, sqlite3.Error, ValueError, TypeError) as error:
+    except (ResultsError, sqlite3.Error, sqlite3.Warning, ValueError, TypeError) as error:
         raise ResultsError(f"$.measures.{name}: {error}") from None
 
 

@@ -198,7 +198,7 @@ def _check_measures(study: Study, case: Case, dimension: int, trust: bool) -> No
                 with closing(connect(None)) as connection:
                     connection.executescript(";".join(statements(dimension)))
                     connection.execute(f"EXPLAIN {value}")
-            except sqlite3.Error as error:
+            except (sqlite3.Error, sqlite3.Warning, ValueError) as error:  # a warning: two statements
                 raise StudyError(
                     f"{study.path}: $.measures.{name}.sql: {error} (pdpost sql lists the tables)"
                 ) from None

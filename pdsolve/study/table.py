@@ -32,6 +32,7 @@ WHOLE = ("study", "column_unit")  # small tables
 FILE = re.compile(r"[^/\\\0]+\.runs/\d{4,}\.sqlite")  # of a run: in a folder beside the table, nowhere else
 APPLICATION_ID = 0x70647374  # "pdst"
 WAITING, FINISHED, FAILED = "waiting", "finished", "failed"
+FINISHED_RUNS = "SELECT number FROM run WHERE status = ?"
 
 
 class DamagedTableError(ValueError):
@@ -238,15 +239,21 @@ class Table:
     ) -> dict[str, int]:
         """Add rows for new cases; returns the row number of each case by its key.
 
+        Finished runs wait where a measure is new or measures something else now; their databases are measured then.
         `described` holds unit and meaning of the drawing's parameters, `measures` the measures of each run; `runs` are
         the numbers, by key, of runs whose databases exist already.
         """
+        again: set[int] = set()  # finished runs that lack a measure
         with _explained(self.path), self._transaction():
             for case in cases:
                 for kind, name, column in case.names:
                     self._column(column, Column(kind, *described.get(name, (UNITS.get(name, ""), ""))))
             for name, measure in measures.items():
-                self._column(name, Column("measure", measure.unit, measure.meaning))
+                if self._column(name, Column("measure", measure.unit, measure.meaning)):
+                    again.update(number for (number,) in self.connection.execute(FINISHED_RUNS, (FINISHED,)))
+            self.connection.executemany(
+                "UPDATE run SET status = ? WHERE number = ?", [(WAITING, number) for number in again]
+            )
             numbers = dict(self.connection.execute("SELECT key, number FROM run"))
             last, new = max([*numbers.values(), *runs.values()], default=0), []
             for case in cases:
@@ -260,14 +267,22 @@ class Table:
                     stored = [_stored(value) for value in row.values()]
                     self.connection.execute(f"INSERT INTO run ({names}) VALUES ({marks})", stored)
                     new.append(number)
-            seal(self.connection, new)
+            seal(self.connection, [*new, *again])
         return {case.key: numbers[case.key] for case in cases}
 
-    def _column(self, name: str, column: Column) -> None:
-        if name.lower() in {existing.lower() for existing in self.columns()}:
-            return
-        self.connection.execute(f"ALTER TABLE run ADD COLUMN {quoted(name)}")
-        self.connection.execute("INSERT INTO column_unit VALUES (?, ?, ?, ?)", (name, *column))
+    def _column(self, name: str, column: Column) -> bool:
+        """Add a column that is not there; returns whether it is new, or a measure of another quantity than before."""
+        existing = {known.lower(): known for known in self.columns()}.get(name.lower())
+        if existing is None:
+            self.connection.execute(f"ALTER TABLE run ADD COLUMN {quoted(name)}")
+            self.connection.execute("INSERT INTO column_unit VALUES (?, ?, ?, ?)", (name, *column))
+            return True
+        if column.kind != "measure" or self.columns()[existing] == column:
+            return False
+        self.connection.execute(
+            "UPDATE column_unit SET unit = ?, meaning = ? WHERE name = ?", (column.unit, column.meaning, existing)
+        )
+        return True
 
     def finish(self, number: int, measures: Mapping[str, Any] | None, error: str | None = None) -> None:
         """Store how a run ended: its measures, or its error."""

@@ -157,12 +157,20 @@ def test_finished_runs_are_measured_anew_where_a_study_asks_for_more(
         assert (row["peak"], row["up"]) == (first.force[at, 1], first.displacement[at, 1])
         assert row["most"] == history["strain"].max()
         assert row["K1"] is None  # cracks are through: no tip has room
+    least = MEASURES.replace("max(strain)", "min(strain)")  # another quantity under the same name
+    Path("study.toml").write_text(STUDY + least)
+    monkeypatch.setattr(dispatch, "_solve_tasks", lambda tasks, how: [])  # stopped before anything is measured
+    assert main(["study", "study.toml", "-q"]) == 1
+    monkeypatch.setattr(dispatch, "_solve_tasks", in_this_process)
+    assert main(["study", "study.toml", "-q"]) == 1
+    assert [row["most"] for row in rows(solved) if row["status"] == "finished"] == [0.0] * 4
 
 
 @pytest.mark.parametrize(
     ("measure", "words"),
     [
         ('peak_force = "top"', ("there is no condition 'top'", "condition 0, condition 1")),
+        ('sql = "SELECT 1; SELECT 2"', ("one statement", "pdpost sql")),
         ('sql = "SELECT strain FROM nowhere"', ("no such table: nowhere", "pdpost sql")),
     ],
 )

@@ -17,7 +17,7 @@ from pdsolve.options import Options
 from pdsolve.results import Results
 from pdsolve.run.simulation import resume, simulate
 
-LAWS: dict[str, dict[str, Any]] = {"bilinear": {"kr": 4.0}, "cohesive": {"f_t": 6e7, "shape": "exponential"}}
+LAWS: dict[str, dict[str, Any]] = {"bilinear": {"kr": 4.0}, "cohesive": {"f_t": 5e7, "shape": "exponential"}}
 
 
 def softening(adapt: str, law: str) -> Model:

@@ -90,8 +90,10 @@ def _record_break(zone, step, p, k, breaking_force, stretch_growth):  # type: ig
 @njit(**INNER)
 def _unsoftened_stiffness_and_history(fine, history, stiffness_index, k, lane, stiffness, peak, limit):  # type: ignore[no-untyped-def]
     """Stiffness of a bond before it softened, and the largest e it has had above the peak, 0 if it was never there."""
+    if peak == limit:  # thresholds of brittle bonds alone have no rows
+        return stiffness, 0.0
     past = fine.threshold_strain[stiffness_index, k, lane]
-    if peak == limit or past <= peak:
+    if past <= peak:
         return stiffness, 0.0
     return _unsoftened_stiffness(history, stiffness, past, peak, limit), past
 

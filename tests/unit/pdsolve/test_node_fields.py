@@ -12,6 +12,7 @@ import pytest
 from node_clouds import cubic_grid
 from plates import GLASS, plate, square_grid
 
+from pdmesh import Heat, Material, Scene, box, build
 from pdmesh.model.document import Displacement, Lattice, Region, Run
 from pdmesh.model.node_arrays import Grid
 from pdmesh.model.node_fields import FieldColumn
@@ -20,6 +21,7 @@ from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity
 from pdsolve.model import GridError, Model, ModelError, ModelNote, model_of
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
+from pdsolve.run.simulation import simulate
 from pdsolve.schemes import SCHEMES
 
 CASES: dict[str, dict[str, Any]] = {
@@ -169,3 +171,23 @@ def test_steps_are_those_of_regions(case: str) -> None:
             assert np.abs(found - expected).max() <= 1e-9 * np.abs(expected).max(initial=1e-300)
         else:
             assert np.array_equal(found, expected), field
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("quantity", ["alpha", "E"])
+def test_a_hot_plate_swells_by_fields_as_by_regions(quantity: str) -> None:
+    glass = Material(E=70e9, rho=2500.0, G0=1e6, micromodulus="constant", alpha=9e-6, T0=300.0)
+    other = {"alpha": 18e-6, "E": 35e9}[quantity]
+    scene = Scene(box(0, 0, 0.02, 0.01), 1e-3, glass, medium=Heat(k=1.0, c=800.0), run=Run(steps=20, every=20))
+    built = build(scene.initial_temperature(box(0, 0, 0.02, 0.01), 350.0).fix("left"))
+    right = built.grid.position[:, 0] > 0.01
+    own = msgspec.structs.replace(glass, **{quantity: other})
+    region = Region(material=own, nodes=tuple(built.grid.ids[right].tolist()))
+    column = FieldColumn(quantity, np.where(right, other, np.nan), "test")  # type: ignore[arg-type]
+    by_region = Model(built.grid, msgspec.structs.replace(built.settings, regions=(region,)))
+    moved = []
+    for model in (by_region, Model(with_columns(built.grid, column), built.settings)):
+        with simulate(model, None, Options(threads=1)) as results:
+            moved.append(results.field("ux", 20))
+    assert np.abs(moved[0]).max() > 0
+    assert np.array_equal(*moved)

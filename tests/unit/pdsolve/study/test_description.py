@@ -157,6 +157,13 @@ def test_another_random_parameter_changes_no_draw(tmp_path: Path) -> None:
         ("[measures]\npeak = {}", ("$.measures.peak", "peak_force")),
         ("[measures]\npeak = {peak_force = 'a', sql = 'SELECT 1'}", ("$.measures.peak", "2 quantities")),
         ("[measures]\nWork = {sql = 'SELECT 1'}", ("$.measures.Work", "another name")),
+        (
+            "[vary.model]\nmaterial.G0 = [1]\n[measures]\n'Material.G0' = {sql = 'SELECT 1'}",
+            ("Material.G0", "another name"),
+        ),
+        ("[measures]\na = {intensity = 'K1'}\nA = {intensity = 'K1'}", ("$.measures.A", "another name")),
+        ("[set.model]\nmaterial.E = 1\n[random.model]\nmaterial.E = {normal = [1, 2]}", ("material.E", "$.set")),
+        ("[[runs]]\nmodel.material.E = 1\n[random.model]\nmaterial.E = {normal = [1, 2]}", ("material.E", "$.runs")),
         ("[measures]\npeak = {cycles = 'total', unit = 'm'}", ("$.measures.peak.unit", "cycles")),
         ("[measures]\npeak = {cycles = 'all'}", ("cycles", "total")),
         ("[random.model]\nmaterial.E = {normal = [1, 0]}", ("material.E", "above 0")),
