@@ -48,7 +48,7 @@ class Shape:
 
 
 @dataclass(frozen=True)
-class Part:
+class CadPart:
     """A plate or a body whose faces or edges have numbers."""
 
     path: Path
@@ -62,7 +62,7 @@ class Part:
     high: NDArray[np.float64]
 
 
-def read_part(path: Path, unit: str | None = None) -> Part:
+def read_part(path: Path, unit: str | None = None) -> CadPart:
     """The part in a STEP, BREP or STL file, in a unit of length; of a STEP file mm by default.
 
     Raises SceneError, for a file of another kind and for one that names no unit if none is given too.
@@ -133,7 +133,7 @@ def _turn(gmsh_output: Mapping[str, Any], path: Path) -> str:
     return TURNS[across]
 
 
-def _part(path: Path, unit: str, statements: tuple[str, ...], gmsh_output: Mapping[str, Any]) -> Part:
+def _part(path: Path, unit: str, statements: tuple[str, ...], gmsh_output: Mapping[str, Any]) -> CadPart:
     kinds = {int(number): str(kind).lower() for number, kind in gmsh_output["types"].items()}
     shapes: list[Shape] = []
     if "points" in gmsh_output:
@@ -156,7 +156,7 @@ def _part(path: Path, unit: str, statements: tuple[str, ...], gmsh_output: Mappi
     corners = np.concatenate([shape.points.reshape(-1, 3) for shape in shapes])
     low, high = corners.min(axis=0), corners.max(axis=0)
     dimension = 3 if "points" in gmsh_output else 2
-    return Part(path, dimension, unit, statements, tuple(shapes), size, gmsh_output["count"], low, high)
+    return CadPart(path, dimension, unit, statements, tuple(shapes), size, gmsh_output["count"], low, high)
 
 
 def _face(number: int, kind: str, triangles: NDArray[np.float64], way: NDArray[np.float64]) -> Shape:

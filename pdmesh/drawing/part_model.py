@@ -8,7 +8,7 @@ from string import Template
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.drawing.part import Part, Shape
+from pdmesh.drawing.part import CadPart, Shape
 from pdmesh.scene.shapes import SceneError
 
 MARK = "FILL_IN"
@@ -72,14 +72,14 @@ def refuse_marks(path: object, text: str) -> None:
         raise SceneError(f"{path}: {lines_text}: {MARK} is not filled in; put a value in its place")
 
 
-def proposed_spacing(part: Part) -> float:
+def proposed_spacing(part: CadPart) -> float:
     """A spacing with few digits, in the part's unit, with which the part has some ten thousand nodes."""
     spacing = (part.size / NODES[part.dimension]) ** (1 / part.dimension)
     power = 10.0 ** math.floor(math.log10(spacing))
     return float(f"{min(ROUND, key=lambda digits: abs(digits - spacing / power)) * power:.3g}")
 
 
-def drawing_text(part: Part, picture: str) -> str:
+def drawing_text(part: CadPart, picture: str) -> str:
     """The drawing of a part whose faces or edges a picture shows with their numbers."""
     noun, shape, whole = NOUNS[part.dimension]
     spacing, unit = proposed_spacing(part), part.unit
@@ -108,7 +108,7 @@ def drawing_text(part: Part, picture: str) -> str:
     )
 
 
-def _place(shape: Shape, part: Part) -> str:
+def _place(shape: Shape, part: CadPart) -> str:
     """Where a shape is, in words: from end to end, or around its middle, and which way it faces."""
 
     def words(place: NDArray[np.float64]) -> str:

@@ -36,8 +36,8 @@ def with_fields(grid: Grid, settings: Settings, placed: Sequence[PlacedField], s
     for field in sorted(placed, key=lambda field: field.quantity == STRETCH):  # their energies depend on E
         rows = _rows(field, settings, number)
         quantity = "G0" if field.quantity == STRETCH else field.quantity
-        for at in np.unique(number[rows]).tolist():
-            needed = unused(quantity, materials[at], settings.physics)
+        for material in materials:  # constants of all are columns
+            needed = unused(quantity, material, settings.physics)
             if needed is not None:
                 raise SceneError(f"{field.place} cannot differ by node; give the material {needed}")
         of_materials = np.array([getattr(material, quantity) for material in materials], dtype=float)[number]

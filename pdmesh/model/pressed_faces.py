@@ -28,7 +28,7 @@ OPPOSITE = -0.5  # cosine of normals that belong to the two faces of a crack
 ROUND_OFF = 1e-9  # of the extent of the faces: corners this near to each other are one
 
 
-class Pieces(NamedTuple):
+class FacePieces(NamedTuple):
     """Pieces of faces with p corners, and what carries them of k nodes."""
 
     corners: Array  # (p, d) m
@@ -36,7 +36,7 @@ class Pieces(NamedTuple):
     weights: csr_array  # (p, k): how much of each corner each node carries, 1 in all
 
 
-def pieces_of(faces: Faces, position: Array, delta: Array, cells: Array) -> Pieces:
+def pieces_of(faces: Faces, position: Array, delta: Array, cells: Array) -> FacePieces:
     """The pieces of faces that nodes (k, d) carry, with spacings `delta` (k,), m, and `cells` (k,), which may be less
     by the share that each has in a load."""
     corners, pieces, is_crack = _divided(np.array(faces), tree_of(position), delta)
@@ -48,7 +48,7 @@ def pieces_of(faces: Faces, position: Array, delta: Array, cells: Array) -> Piec
     size = np.zeros(len(corners))
     np.add.at(size, pieces, np.linalg.norm(areas, axis=1)[:, None])
     near = _near(corners, -normal, is_crack, position, delta)
-    return Pieces(corners, pieces, _evened(near, size, cells))
+    return FacePieces(corners, pieces, _evened(near, size, cells))
 
 
 def area_vectors(corners: Array, pieces: NDArray[np.int64]) -> Array:
@@ -60,7 +60,7 @@ def area_vectors(corners: Array, pieces: NDArray[np.int64]) -> Array:
     return np.asarray(np.cross(way, third[0] - first) / 2)
 
 
-def rim_of(pieces: Pieces) -> NDArray[np.bool_]:
+def rim_of(pieces: FacePieces) -> NDArray[np.bool_]:
     """Which corners (p,) are where faces end: of segments those of one, of triangles those of a side of one."""
     d = pieces.corners.shape[1]
     ends = np.sort(np.stack([np.roll(pieces.pieces, -at, axis=1) for at in range(d - 1)], axis=2), axis=2)
@@ -70,7 +70,7 @@ def rim_of(pieces: Pieces) -> NDArray[np.bool_]:
     return at_rim
 
 
-def carried(pieces: Pieces, areas: Array) -> Array:
+def carried(pieces: FacePieces, areas: Array) -> Array:
     """What the nodes (k, d) carry of these area vectors (f, d) of the pieces, each of whose corners has as much."""
     at_corners = np.zeros(pieces.corners.shape)
     for column in pieces.pieces.T:

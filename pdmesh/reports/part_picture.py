@@ -14,7 +14,7 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from pdmesh.drawing.part import Part
+from pdmesh.drawing.part import CadPart
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_legend
 
@@ -28,7 +28,7 @@ GREY = "#555555"
 WHITE = [withStroke(linewidth=2, foreground="white")]
 
 
-def draw(part: Part) -> Figure:
+def draw(part: CadPart) -> Figure:
     """The part with the numbers of its faces, or of its edges."""
     if part.dimension == 2:
         return _plate(part)
@@ -44,7 +44,7 @@ def draw(part: Part) -> Figure:
     return figure
 
 
-def _plate(part: Part) -> Figure:
+def _plate(part: CadPart) -> Figure:
     width, height = (part.high - part.low)[:2]
     inches = 2 * SIDE * np.array([1.0, height / width]) / max(1.0, height / width)
     figure = Figure(figsize=(max(inches[0], SIDE), max(inches[1], SIDE / 2) + 0.6), dpi=DPI, layout="constrained")
@@ -66,7 +66,7 @@ def _number(axes: Axes, at: list[float], number: int) -> None:
 
 
 def _view(
-    axes: Axes, part: Part, corners: NDArray[np.float64], face: NDArray[np.int64], towards: NDArray[np.float64]
+    axes: Axes, part: CadPart, corners: NDArray[np.float64], face: NDArray[np.int64], towards: NDArray[np.float64]
 ) -> set[int]:
     """Draw the body as seen from a direction; returns the rows of the faces that have a number there."""
     depth = towards / np.linalg.norm(towards)

@@ -14,6 +14,7 @@ from pdmesh.model.values_at_places import with_tables
 from pdmesh.model.values_of_place import PlaceError
 from pdmesh.scene.body import Body, SolidBeside
 from pdmesh.scene.conditions import describe
+from pdmesh.scene.node_fields import STRETCH
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
 
@@ -47,6 +48,12 @@ def known(scene: S) -> S:
         every.append(other_body.body.material if isinstance(other_body, SolidBeside) else other_body.material)
     if all(material is None or material.critical_stretch is None for material in every):
         return scene
+    quantities = {field.quantity: field.place for field in scene.fields}
+    if "E" in quantities and STRETCH not in quantities:
+        raise SceneError(
+            f"{quantities['E']}: the energy of material.critical_stretch depends on E; let it vary as well"
+            ' (.vary("critical_stretch", ...)), or give G0'
+        )
     changed: dict[str, Any] = {"material": _energetic(scene.material, scene, scene.finest)}
     changed["regions"] = tuple(
         replace(part, region=msgspec.structs.replace(part.region, material=material))

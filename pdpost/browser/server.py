@@ -151,7 +151,7 @@ class _Request(BaseHTTPRequestHandler):
         reader = self.server.quick if address.split("/")[0] in QUICK else self.server.slow
         try:
             data = reader.read(address)
-        except (ValueError, OSError) as error:  # ResultsError is a ValueError
+        except Exception as error:  # of any kind: the page says it
             data = messages.message({"error": " ".join(str(error).split())})
         if data is None:
             self._reply(HTTPStatus.NOT_FOUND)

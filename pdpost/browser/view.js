@@ -42,10 +42,10 @@ async function get(address) {
   const promise = cache.get(address) || read(address);
   cache.delete(address);
   cache.set(address, promise);
-  try { (await promise).used = true; } catch (error) { cache.delete(address); throw error; }
+  try { promise.bytes = (await promise).bytes; } catch (error) { cache.delete(address); throw error; }
   let total = 0;
-  for (const [name, kept] of [...cache].reverse()) {
-    total += (await kept).bytes || 0;
+  for (const [name, kept] of [...cache].reverse()) { // of those on their way, which are not waited for, nothing
+    total += kept.bytes || 0;
     if (total > CACHED) cache.delete(name);
   }
   return promise;
@@ -357,6 +357,7 @@ async function show() { // the frame of the slider; of several that are asked fo
       cracks = null;
       surface.visible = false;
       if (motion) points.geometry.setAttribute("moved", new THREE.BufferAttribute(motion.moved, 3));
+      else points.geometry.deleteAttribute("moved"); // that of another number of nodes draws nothing
       points.material.uniforms.scale.value = motion ? Number($("scale").value) : 0;
       paint();
       complain(null);
@@ -384,17 +385,23 @@ function about() {
   $("frame").max = run.steps.length - 1;
   $("follow-label").hidden = offline || run.status !== "running";
 }
+async function showTextsAndCurves() { // of all frames; they may take long
+  const histories = picked === null ? [() => showHistory("history/usual")] : [];
+  for (const part of [showCharts, ...(run.has_cracks ? [showSummary] : []), ...histories]) {
+    await part().catch((error) => offline || complain(error));
+  }
+}
 async function follow() {
   while (!offline && run.status === "running") {
     await sleep(POLL);
     const before = run.steps.length, last = Number($("frame").value) === before - 1;
-    run = await read("run");
+    try { run = await read("run"); } catch (error) { complain(error); continue; }
     about();
     if (run.steps.length === before && run.status === "running") continue;
-    for (const address of ["charts", "summary", "history/usual"]) cache.delete(address);
+    for (const address of [...cache.keys()]) if (/^(charts|summary|history)/.test(address)) cache.delete(address);
     if (last && $("follow").checked) $("frame").value = run.steps.length - 1;
     show();
-    if (Number($("frame").value) === run.steps.length - 1) await showCharts();
+    if (Number($("frame").value) === run.steps.length - 1) await showTextsAndCurves();
   }
 }
 function stop() {
@@ -469,8 +476,7 @@ async function begin() {
   await show();
   about();
   follow().catch(complain);
-  const slow = [showCharts, ...(run.has_cracks ? [showSummary] : []), () => showHistory("history/usual")];
-  for (const part of slow) await part().catch((error) => offline || complain(error));
+  await showTextsAndCurves();
   document.documentElement.dataset.complete = "yes";
 }
 begin().catch(complain);

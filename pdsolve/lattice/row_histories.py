@@ -74,12 +74,31 @@ def with_entries(history: History, replaced: Callable[[NDArray[Any]], NDArray[An
     return None if history is None else history._replace(secant=replaced(history.secant))
 
 
-def remembered(history: Secants | Curves) -> NDArray[Any]:
+def secants_or_numbers(
+    history: History,
+    entry: NDArray[np.int64],
+    k: NDArray[np.int64],
+    lane: NDArray[np.int64],
+    is_longer: NDArray[np.bool_],
+) -> tuple[NDArray[Any] | float, tuple[NDArray[np.float64], ...] | None]:
+    """Secants (b,) of bonds and, of curved ones alone, whose secants are not in them, their peaks, limits and largest
+    stretches above peaks (b,)."""
+    if history is None:
+        return 1.0, None
+    of_bonds = entry.clip(0), k, lane
+    if isinstance(history, Secants):
+        return np.where((entry >= 0) & (is_longer | (history.floor < 0)), history.secant[of_bonds], 1.0), None
+    usual = history.usual_peak[k], history.usual_limit[k], np.zeros(len(k))
+    own = (entries[of_bonds] for entries in (history.peak, history.limit, history.worst))
+    return 1.0, tuple(np.where(entry >= 0, *both).astype(np.float64) for both in zip(own, usual, strict=True))
+
+
+def softening_entries(history: Secants | Curves) -> NDArray[Any]:
     """What (., k, 16) softening changes."""
     return history.worst if isinstance(history, Curves) else history.secant
 
 
-def _is(history: Any, kind: type) -> bool:
+def _is_of_type(history: Any, kind: type) -> bool:
     """Whether a numba type is that of a kind of history."""
     return getattr(history, "instance_class", None) is kind
 
@@ -87,7 +106,7 @@ def _is(history: Any, kind: type) -> bool:
 @overloaded(IN_PLACE)
 def of_usual_rows(history):  # type: ignore[no-untyped-def]
     """The history of rows without an entry."""
-    if _is(history, Curves):
+    if _is_of_type(history, Curves):
         return lambda history: UsualCurves(history.law, history.usual_peak, history.usual_limit)
     return lambda history: None
 
@@ -95,7 +114,7 @@ def of_usual_rows(history):  # type: ignore[no-untyped-def]
 @overloaded(INNER)
 def strain_off_straight(history, e):  # type: ignore[no-untyped-def]
     """The e that counts where springs stand for bonds: its size where bonds are curved, stretched or shortened."""
-    if _is(history, Curves):
+    if _is_of_type(history, Curves):
         return lambda history, e: np.abs(e)
     return lambda history, e: e
 
@@ -103,7 +122,7 @@ def strain_off_straight(history, e):  # type: ignore[no-untyped-def]
 @overloaded(IN_PLACE)
 def edges_off_straight(history):  # type: ignore[no-untyped-def]
     """The edges of rows of springs that stand for bonds; see `pdsolve.lattice.rows`."""
-    if _is(history, Curves):
+    if _is_of_type(history, Curves):
         return lambda history: (0.0,)
     return lambda history: None
 
@@ -113,7 +132,7 @@ def secant_weight(history, w, e, g, entry, slot, lane):  # type: ignore[no-untyp
     """The stiffness w of some lanes of a row times their secants at e; g is 1 / (1 + e + sqrt(1 + e))."""
     if is_none(history):
         return lambda history, w, e, g, entry, slot, lane: w
-    if _is(history, Secants):
+    if _is_of_type(history, Secants):
         return _secant_weight_of_lines
     return _secant_weight_of_curves
 
@@ -136,7 +155,7 @@ def _secants_of_lines(history, stretch, entry, slot, lane):  # type: ignore[no-u
 @overloaded(IN_PLACE)
 def _numbers_of_lanes(history, entry, slot, lane):  # type: ignore[no-untyped-def]
     """Largest stretches above their peaks, peaks and limits of some lanes."""
-    if _is(history, UsualCurves):
+    if _is_of_type(history, UsualCurves):
         return _usual_numbers_of_lanes
 
     def numbers(history, entry, slot, lane):  # type: ignore[no-untyped-def]
@@ -159,7 +178,7 @@ def energy_of_lanes(history, w, stretch, entry, slot, lane):  # type: ignore[no-
     """Stored energies of bonds in some lanes of a row, from those at unit stretch, w, if they were linear."""
     if is_none(history):
         return lambda history, w, stretch, entry, slot, lane: w * stretch * stretch
-    if _is(history, Secants):
+    if _is_of_type(history, Secants):
         return _energy_of_lines
 
     def of_curves(history, w, stretch, entry, slot, lane):  # type: ignore[no-untyped-def]
@@ -178,7 +197,7 @@ def secant_of_bond(history, stretch, entry, k, lane):  # type: ignore[no-untyped
     """The secant of one bond."""
     if is_none(history):
         return lambda history, stretch, entry, k, lane: 1.0
-    if _is(history, Secants):
+    if _is_of_type(history, Secants):
         return _secant_of_line
 
     def of_curve(history, stretch, entry, k, lane):  # type: ignore[no-untyped-def]
@@ -208,7 +227,7 @@ def energy_of_bond(history, w, stretch, entry, k, lane):  # type: ignore[no-unty
     """Stored energy of one bond, from that at unit stretch, w, if it were linear."""
     if is_none(history):
         return lambda history, w, stretch, entry, k, lane: w * stretch * stretch
-    if _is(history, Secants):
+    if _is_of_type(history, Secants):
         return lambda history, w, stretch, entry, k, lane: (
             w * secant_of_bond(history, stretch, entry, k, lane) * stretch * stretch
         )
@@ -224,7 +243,7 @@ def begin_bond(history, entry, k, lane, peak, limit):  # type: ignore[no-untyped
     """Let a bond with this peak and limit begin; a limit of 0: there is none."""
     if is_none(history):
         return lambda history, entry, k, lane, peak, limit: None
-    if _is(history, Secants):
+    if _is_of_type(history, Secants):
         return _begin_line
 
     def begin_curve(history, entry, k, lane, peak, limit):  # type: ignore[no-untyped-def]
@@ -244,7 +263,7 @@ def soften_bond(history, entry, k, lane, worst, peak, limit):  # type: ignore[no
     """Remember the largest stretch of a bond, above its peak."""
     if is_none(history):
         return lambda history, entry, k, lane, worst, peak, limit: None
-    if _is(history, Secants):
+    if _is_of_type(history, Secants):
         return _soften_line
 
     def soften_curve(history, entry, k, lane, worst, peak, limit):  # type: ignore[no-untyped-def]
@@ -260,9 +279,9 @@ def _soften_line(history, entry, k, lane, worst, peak, limit):  # type: ignore[n
 @overloaded(INNER)
 def is_usual(history, entry, k, lane):  # type: ignore[no-untyped-def]
     """Whether a bond has the peak and the limit of rows without an entry, and has not softened."""
-    if _is(history, Curves):
+    if _is_of_type(history, Curves):
         return _has_usual_limits_and_is_whole
-    if _is(history, Secants):
+    if _is_of_type(history, Secants):
         return lambda history, entry, k, lane: history.secant[entry, k, lane] == 1.0
     return lambda history, entry, k, lane: True
 

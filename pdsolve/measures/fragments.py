@@ -4,18 +4,15 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Material, Region
 from pdmesh.model.neighbours import connected
-from pdmesh.model.node_arrays import selected
 from pdmesh.model.output_fields import CRACKED
 from pdsolve.measures.crack_faces import FaceNeighbourPairs
 from pdsolve.measures.cracked_nodes import damage_with_pre_cracks_at
 from pdsolve.measures.cracks import PIECE, cluster_nodes
-from pdsolve.measures.embedded_model import read
+from pdsolve.measures.strain import constants_of_nodes
 from pdsolve.results import Results
 
 SMALLEST = 27  # nodes: less is a crumb
@@ -74,20 +71,10 @@ class BodyFragments(NamedTuple):
     small_pieces_mass: float  # kg
 
 
-class _DensityGridFileKeys(msgspec.Struct):
-    """The keys of the grid file that densities come from."""
-
-    material: Material
-    regions: tuple[Region, ...] = ()
-
-
 def node_masses(results: Results, step: int) -> NDArray[np.float64]:
     """The mass (n,) of the nodes of a body, kg. Raises ResultsError."""
-    model, nodes = read(results, _DensityGridFileKeys), results.nodes(step)
-    rho = np.full(len(nodes.ids), model.material.rho)
-    for region in model.regions:
-        rho[selected(nodes, region.nodes, region.box)] = region.material.rho
-    return np.asarray(rho * nodes.area)
+    of_nodes, _ = constants_of_nodes(results, step)
+    return np.asarray(of_nodes("rho") * results.nodes(step).area)
 
 
 def fragment_number_of_nodes(neighbour_pairs: FaceNeighbourPairs) -> NDArray[np.int64]:

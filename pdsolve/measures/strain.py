@@ -95,7 +95,7 @@ def elastic_constants_of_nodes(results: Results, step: int) -> Stiffness:
 
     A node that was born later has the material of the nearest initial node.
     """
-    of_nodes, materials = _constants_of_nodes(results, step)
+    of_nodes, materials = constants_of_nodes(results, step)
     return Stiffness(of_nodes("E"), of_nodes("nu"), materials[0].plane)
 
 
@@ -111,7 +111,7 @@ def thermal_strain_of_nodes(results: Results, step: int) -> NDArray[np.float64]:
         raise ResultsError(
             f"{results.name} has no field 'T' or 'c' at step {step}; solve it with one (pdsolve --fields +T, or +c)"
         )
-    of_nodes, _ = _constants_of_nodes(results, step)
+    of_nodes, _ = constants_of_nodes(results, step)
     return np.asarray(of_nodes("alpha") * (results.field(content, step).astype(float) - of_nodes("T0")))
 
 
@@ -121,7 +121,7 @@ def stress_work_if_yielded(results: Results, step: int) -> NDArray[np.float64] |
     It is the elastic energy of the stress, and the yield stress times the plastic strain. Raises ResultsError if the
     frame lacks the plastic strain of a plastic solid, or the stress.
     """
-    of_nodes, materials = _constants_of_nodes(results, step)
+    of_nodes, materials = constants_of_nodes(results, step)
     if not any(material.solid == "j2" for material in materials):
         return None
     alpha = scalar(results, "plastic", step)
@@ -136,7 +136,7 @@ def stress_work_if_yielded(results: Results, step: int) -> NDArray[np.float64] |
     return np.asarray(elastic + alpha * (yields + hardening * alpha / 2))
 
 
-def _constants_of_nodes(
+def constants_of_nodes(
     results: Results, step: int
 ) -> tuple[Callable[[str], NDArray[np.float64]], tuple[Material, ...]]:
     """The function that returns a constant (n,) of the nodes at `step`, by its name, and the materials.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Load
 from pdmesh.model.load_resultants import shares_of
-from pdmesh.model.pressed_faces import Pieces, area_vectors, carried, pieces_of
+from pdmesh.model.pressed_faces import FacePieces, area_vectors, carried, pieces_of
 from pdsolve.conditions import factors
 from pdsolve.model import Model
 from pdsolve.operators.protocol import CheckpointArrays
@@ -28,12 +28,12 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 
-class Pressed(NamedTuple):
+class FollowingLoad(NamedTuple):
     """The nodes of a pressure and what they carry."""
 
     load: Load
     rows: NDArray[np.int64]  # (k,)
-    pieces: Pieces
+    pieces: FacePieces
     at_start: Array  # (f, d) area vectors
 
     def force(self, displacement: Array, time: float) -> Array:
@@ -54,13 +54,13 @@ class FollowingPressure(UnbreakableOperator):
     def __init__(self, model: Model, loads: Sequence[Load], volume: Array, unknowns: tuple[Unknown, ...]) -> None:
         """`volume` (n,), m^d."""
         self._d, self._volume, self.unknowns = model.grid.dimension, volume, unknowns
-        self._time, self._pressed = 0.0, list[Pressed]()
+        self._time, self._pressed = 0.0, list[FollowingLoad]()
         for load in loads:
             rows = model.selected(load)
             part = model.grid.part(rows)
             cells = part.cells * shares_of(load, part.ids)
             pieces = pieces_of(load.faces or (), part.position, part.delta, cells)
-            self._pressed.append(Pressed(load, rows, pieces, area_vectors(pieces.corners, pieces.pieces)))
+            self._pressed.append(FollowingLoad(load, rows, pieces, area_vectors(pieces.corners, pieces.pieces)))
 
     def accumulate_force(self, state: State, out: NDArray[Any], step: int, dt: float) -> None:
         """Add the force densities, N/m^3, to `out` (n, w), and book their work since the last step, `dt` s ago."""

@@ -32,7 +32,7 @@ from pdsolve.checkpoint_validation import entry, like, pulls_to_arrays, read_pul
 from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import ACCELERATION, Drive
 from pdsolve.errors import CheckpointError
-from pdsolve.lattice.row_histories import remembered
+from pdsolve.lattice.row_histories import softening_entries
 from pdsolve.laws.law import Law
 from pdsolve.numerics.thread_team import gate_of, side_by_side
 from pdsolve.operators.protocol import CheckpointArrays
@@ -377,7 +377,7 @@ class HybridEngine:
                 "usual": entries < 0,
             }
             if zone.history is not None:
-                checkpoint["remembered"] = remembered(zone.history)[stiffness_rows]
+                checkpoint["remembered"] = softening_entries(zone.history)[stiffness_rows]
         stirs = zone.damaged_nodes[: zone.counts.damaged_nodes].copy()
         checkpoint |= {
             "holds": _prescribed_motion_columns(zone),
@@ -513,7 +513,7 @@ def _restore_stiffnesses_and_histories(checkpoint: CheckpointArrays, zone: Plate
             checkpoint, name, (len(stiffness_rows), *array.shape[1:]), array.dtype, high=np.inf
         )
     if zone.history is not None:
-        values, shape = remembered(zone.history), (len(stiffness_rows), *array.shape[1:])
+        values, shape = softening_entries(zone.history), (len(stiffness_rows), *array.shape[1:])
         values[stiffness_rows] = entry(checkpoint, "remembered", shape, values.dtype, 0.0)
     zone.fine.stiffness_index_of_row[rows] = np.where(
         entry(checkpoint, "usual", stiffness_rows.shape, np.bool_), -2 - stiffness_rows, stiffness_rows

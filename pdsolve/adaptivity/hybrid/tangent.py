@@ -14,7 +14,7 @@ from scipy.sparse import coo_array, csr_array, diags_array, eye_array, kron, vst
 
 from pdsolve.adaptivity.hybrid.engine import HybridEngine
 from pdsolve.codegen.vector_code import ROW
-from pdsolve.lattice.row_histories import Secants
+from pdsolve.lattice.row_histories import secants_or_numbers
 from pdsolve.operators.tangent import of_followers
 from pdsolve.zone.tangent import BondCurves, SpringsBetweenPoints, tangent_of_springs
 
@@ -146,15 +146,6 @@ def _pulls_and_curves(
 ) -> tuple[NDArray[np.float64], bool, BondCurves | None]:
     """What fine bonds (b,) from these places, with their numbers in the family, have as `SpringsBetweenPoints`, from
     their `pull` at unit stretch before they soften."""
-    history, lane = hybrid.zone.history, places % ROW
     entry = hybrid.zone.fine.stiffness_index_of_row[places // ROW].astype(np.int64)
-    of_bonds = entry.clip(0), k, lane
-    if isinstance(history, Secants):
-        secant = np.where((entry >= 0) & (is_longer | (history.floor < 0)), history.secant[of_bonds], 1.0)
-        return pull * secant, False, None
-    if history is None:
-        return pull, False, None
-    usual = history.usual_peak[k], history.usual_limit[k], np.zeros(len(k))
-    own = (entries[of_bonds] for entries in (history.peak, history.limit, history.worst))
-    numbers = (np.where(entry >= 0, *both).astype(np.float64) for both in zip(own, usual, strict=True))
-    return pull, False, BondCurves(hybrid.law, *numbers)
+    secant, numbers = secants_or_numbers(hybrid.zone.history, entry, k, places % ROW, is_longer)
+    return pull * secant, False, None if numbers is None else BondCurves(hybrid.law, *numbers)

@@ -18,6 +18,7 @@ from pdmesh.model.node_arrays import Grid
 from pdmesh.model.node_fields import FieldColumn
 from pdmesh.model.node_grid import whole_lattice
 from pdsolve.adaptivity.hybrid.adaptivity_choice import choose_adaptivity
+from pdsolve.measures.fragments import node_masses
 from pdsolve.model import GridError, Model, ModelError, ModelNote, model_of
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
@@ -191,3 +192,14 @@ def test_a_hot_plate_swells_by_fields_as_by_regions(quantity: str) -> None:
             moved.append(results.field("ux", 20))
     assert np.abs(moved[0]).max() > 0
     assert np.array_equal(*moved)
+
+
+@pytest.mark.slow
+def test_masses_of_fragments_have_densities_by_node() -> None:
+    grid = cubic_grid(6)
+    column = FieldColumn("rho", 2235.0 * (1 + np.arange(216) / 216), "test")
+    body = plate(
+        with_columns(grid, column), 2, material=msgspec.structs.replace(GLASS, plane="space"), run=Run(steps=1)
+    )
+    with simulate(body, None, Options(threads=1)) as results:
+        assert node_masses(results, 0) == pytest.approx(column.values * results.nodes(0).area, rel=1e-12)

@@ -14,7 +14,7 @@ pytest.importorskip("gmsh", exc_type=OSError)
 
 from pdmesh import SceneError, build_file, file_parameters
 from pdmesh.__main__ import main
-from pdmesh.drawing.part import Part, Shape, read_part
+from pdmesh.drawing.part import CadPart, Shape, read_part
 from pdmesh.drawing.part_model import MARK, drawing_text, proposed_spacing, refuse_marks
 from pdmesh.reports import part_picture
 
@@ -88,7 +88,7 @@ def init(path: Path, *words: str) -> str:
     return path.with_suffix(".geo").read_text()
 
 
-def at(part: Part, *centre: float) -> Shape:
+def at(part: CadPart, *centre: float) -> Shape:
     """The face or edge around a place."""
     (shape,) = [shape for shape in part.shapes if np.allclose(shape.centre, centre, atol=0.05)]
     return shape
@@ -212,7 +212,7 @@ BOX = np.array([[x, y, z] for x in (0, 4.0) for y in (0, 2.0) for z in (0, 1.0)]
 QUADS = {1: (0, 1, 3, 2), 2: (4, 5, 7, 6), 3: (0, 1, 5, 4), 4: (2, 3, 7, 6), 5: (0, 2, 6, 4), 6: (1, 3, 7, 5)}
 
 
-def box(**more: object) -> Part:
+def box(**more: object) -> CadPart:
     """A box of 4 x 2 x 1 mm, and a face that lies within it."""
     shapes = []
     for number, (a, b, c, d) in QUADS.items():
@@ -220,7 +220,7 @@ def box(**more: object) -> Part:
         shapes.append(Shape(number, "plane", 1.0, triangles.mean(axis=(0, 1)), None, triangles))
     inner = shapes[0].points * 0.5 + 0.5
     shapes.append(Shape(7, "plane", 1.0, inner.mean(axis=(0, 1)), None, inner))
-    part = Part(
+    part = CadPart(
         Path("box.step"), 3, "mm", ('Merge "box.step";',), tuple(shapes), 8.0, 1, BOX.min(axis=0), BOX.max(axis=0)
     )
     return replace(part, **more)  # type: ignore[arg-type]

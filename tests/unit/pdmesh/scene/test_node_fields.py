@@ -200,3 +200,23 @@ def test_a_draw_depends_on_seed_and_block_alone() -> None:
     assert values(PLATE.vary("G0", Weibull(8, 1e-6, 1)), "G0").tolist() == coarse.fields[0].values.tolist()
     strength = coarse.fields[0].values / 204
     assert np.sqrt(strength) == pytest.approx(Weibull(8, 1e-6, 1).factors(coarse.position, 3e-3), rel=1e-12)
+
+
+def test_a_field_is_refused_that_another_material_does_not_use() -> None:
+    weld = Material(E=65e9, rho=2235.0, G0=204.0, law="cohesive", f_t=1e6)
+    scene = Scene(box(0, 0, 0.02, 0.01), 1e-3, GLASS).region(box(0.01, 0, 0.02, 0.01), weld, "weld")
+    with pytest.raises(SceneError, match="field of f_t cannot differ by node; give the material law 'cohesive'"):
+        build(scene.vary("f_t", 2e6, region="weld"))
+
+
+def test_energies_of_critical_stretches_follow_E() -> None:
+    glass = Material(E=65e9, rho=2235.0, critical_stretch=1e-3)
+    stiffer = Scene(box(0, 0, 0.02, 0.01), 1e-3, glass).vary("E", "65e9 * (1 + x / 0.02)")
+    with pytest.raises(SceneError, match=r'field of E: .*vary\("critical_stretch"'):
+        build(stiffer)
+    fields = {column.quantity: column.values for column in build(stiffer.vary("critical_stretch", 1e-3)).grid.fields}
+    earlier = build(
+        Scene(box(0, 0, 0.02, 0.01), 1e-3, glass).vary("critical_stretch", 1e-3).vary("E", "65e9 * (1 + x / 0.02)")
+    )
+    assert fields["G0"] / fields["E"] == pytest.approx(fields["G0"][0] / fields["E"][0], rel=1e-12)
+    assert np.array_equal(earlier.grid.fields[1].values, fields["G0"])

@@ -156,7 +156,7 @@ def test_the_work_of_the_stress_is_elastic_and_plastic(
         E=10.0, rho=1.0, G0=1.0, nu=0.25, model="correspondence", solid="j2", yield_stress=5.0, hardening=2.0
     )
     constants = (lambda name: np.full(2, getattr(steel, name)), (steel,))
-    monkeypatch.setattr(strain, "_constants_of_nodes", lambda results, step: constants)
+    monkeypatch.setattr(strain, "constants_of_nodes", lambda results, step: constants)
     stored = dict(zip(("sxx", "syy", "szz", "sxy", "sxz", "syz"), np.outer(stress, np.ones(2)), strict=False))
     flowed = np.array([0.0, 1.0])
     monkeypatch.setattr(strain, "scalar", lambda results, name, step: flowed)
