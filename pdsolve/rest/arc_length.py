@@ -19,8 +19,8 @@ from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
 from pdsolve.rest.controls import ArcLengthControl, PathPoint, PathSolution
 from pdsolve.rest.corrector import Aim, Corrector, OperatorBody
-from pdsolve.rest.equilibrium import NotConvergedError, SingularTangentError, force_densities, norm
-from pdsolve.rest.factors import Submatrix, factorize
+from pdsolve.rest.equilibrium import NotConvergedError, force_densities, norm
+from pdsolve.rest.factors import Factors, FreeComponents
 from pdsolve.rest.path import CRACK_STEPS, REACHED, CorrectedPathSteps
 from pdsolve.state import State
 
@@ -61,7 +61,7 @@ class ArcLengthSteps(CorrectedPathSteps):
         self._breaking = bond_breaking
         self._remember = on_equilibrium
         self._flows = has_plastic_flow
-        self._free_part = Submatrix(np.flatnonzero(~self._held.ravel()))
+        self._free = FreeComponents(~self._held)
         self._steps = model.settings.run.static.load_steps or CRACK_STEPS
 
     def _finished_path_share(self) -> float:
@@ -150,7 +150,4 @@ class ArcLengthSteps(CorrectedPathSteps):
 
     def _solve(self, matrix: csr_array, right_sides: Array, guess: Array | None) -> Array:
         """Solutions (f, r) with new factors, as all components change from one iteration to the next."""
-        try:
-            return factorize(self._free_part.of(matrix), self._operator.symmetric)(right_sides)
-        except RuntimeError:
-            raise SingularTangentError("the tangent is singular") from None
+        return Factors(matrix, self._free, self._operator.symmetric).solve_approximately(right_sides)

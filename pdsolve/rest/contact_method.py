@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.protocol import Operator
-from pdsolve.rest.controls import PathPoint, PathSolution
 from pdsolve.rest.equilibrium import (
     Equilibrium,
     EquilibriumConditions,
@@ -21,6 +20,8 @@ from pdsolve.rest.equilibrium import (
 )
 from pdsolve.rest.modes import Pairs
 from pdsolve.state import State
+
+Array = NDArray[np.float64]
 
 LOOKS = 10  # at one equilibrium
 STAYS = 1e-3  # residual of an equilibrium for normals and weights of that place: these are good then
@@ -42,24 +43,24 @@ class EquilibriumMethodWithContact:
         self, state: State, conditions: EquilibriumConditions, report_progress: ProgressReport
     ) -> Equilibrium:
         """Move the values of the state to equilibrium, in place. Raises NotConvergedError."""
-        start, contact, done = state.value.copy(), self.contact, 0
-        contact.begin(state)
-        for _ in range(LOOKS):
+        start, done, equilibrium = state.value.copy(), 0, Equilibrium(0, 0.0)
+        self.contact.begin(state)
+
+        def solve() -> Array:
+            nonlocal equilibrium, done
             equilibrium = self._method.solve_equilibrium(state, conditions, report_progress)
             done += equilibrium.iterations
-            if contact.moved(state.value) > FAR:
-                state.value[:] = start
-                raise NotConvergedError(f"bodies in contact move by more than {FAR:g} spacings")
-            before = contact.seen
-            contact.see(state.value.copy())
-            if relative_residual(state, conditions, force_densities(self._operator, state), 0.0) < STAYS:
-                contact.see(before)
-                return Equilibrium(done, equilibrium.residual)
-        state.value[:] = start
-        raise NotConvergedError(
-            f"no place in which bodies stay that touch, after {LOOKS} looks at their faces; add supports or"
-            " friction for what can slide"
-        )
+            return state.value.copy()
+
+        def measure_residual() -> float:
+            return relative_residual(state, conditions, force_densities(self._operator, state), 0.0)
+
+        try:
+            solve_until_contact_stays(self.contact, solve, measure_residual)
+        except NotConvergedError:
+            state.value[:] = start
+            raise
+        return Equilibrium(done, equilibrium.residual)
 
     def discard_reused_tangent(self) -> None:
         """Discard history, so that what follows depends on the state alone."""
@@ -84,25 +85,23 @@ def append_contact_pairs(bonds: Pairs, contact: RestingContact) -> Pairs:
     return np.concatenate([source, i, j]), np.concatenate([target, j, i])
 
 
-def solve_until_contact_converges(
-    contact: RestingContact | None, solve: Callable[[], PathSolution], measure_residual: Callable[[PathPoint], float]
-) -> PathSolution:
-    """The place on a path that `solve` finds, its iterations and residual, with normals and weights that stay there.
+def solve_until_contact_stays(
+    contact: RestingContact, solve: Callable[[], Array], measure_residual: Callable[[], float]
+) -> None:
+    """Solve for displacements (n, w) until normals and weights of contact stay where these lead.
 
-    `measure_residual` is the residual of a place. Raises NotConvergedError.
+    `measure_residual` is the residual there, with normals and weights of that place. Raises NotConvergedError.
     """
-    new, count, residual = solve()
-    for _ in range(LOOKS if contact is not None else 0):
-        assert contact is not None
-        if contact.moved(new.displacement) > FAR:
+    for _ in range(LOOKS):
+        displacement = solve()
+        if contact.moved(displacement) > FAR:
             raise NotConvergedError(f"bodies in contact move by more than {FAR:g} spacings")
         before = contact.seen
-        contact.see(new.displacement)
-        if measure_residual(new) < STAYS:
+        contact.see(displacement)
+        if measure_residual() < STAYS:
             contact.see(before)
-            return new, count, residual
-        new, more, residual = solve()
-        count += more
-    if contact is not None:
-        raise NotConvergedError(f"no place in which bodies stay that touch, after {LOOKS} looks at their faces")
-    return new, count, residual
+            return
+    raise NotConvergedError(
+        f"no place in which bodies stay that touch, after {LOOKS} looks at their faces; add supports or friction for"
+        " what can slide"
+    )

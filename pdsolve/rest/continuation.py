@@ -29,7 +29,7 @@ from pdsolve.operators.contact.at_rest import RestingContact
 from pdsolve.operators.ground_supports import grounded
 from pdsolve.operators.protocol import Operator
 from pdsolve.operators.softening_bonds import Response, SofteningBonds
-from pdsolve.rest.contact_method import append_contact_pairs, solve_until_contact_converges
+from pdsolve.rest.contact_method import append_contact_pairs, solve_until_contact_stays
 from pdsolve.rest.controls import (
     DissipationControl,
     OpeningControl,
@@ -38,8 +38,8 @@ from pdsolve.rest.controls import (
     PathSolution,
 )
 from pdsolve.rest.corrector import MOST, NEAR, Aim, Corrector, Tangents
-from pdsolve.rest.equilibrium import NotConvergedError, SingularTangentError
-from pdsolve.rest.factors import ReusedFactors, Submatrix
+from pdsolve.rest.equilibrium import NotConvergedError
+from pdsolve.rest.factors import Factors, FreeComponents
 from pdsolve.rest.modes import find_loose_bodies
 from pdsolve.rest.path import CRACK_STEPS, REACHED, CorrectedPathSteps
 from pdsolve.state import Broken, State
@@ -118,9 +118,8 @@ class SofteningFactors:
 
     def __init__(self, bonds: SofteningBonds, constrained: NDArray[np.bool_], keeps_reference: bool) -> None:
         """`keeps_reference`: whether factors stay from one step to the next; those with contact do not."""
-        self._bonds, self._shape, self._keeps_reference = bonds, constrained.shape, keeps_reference
-        self._free = np.flatnonzero(~constrained.ravel())
-        self._free_part, self._factors = Submatrix(self._free), cast("ReusedFactors | None", None)
+        self._bonds, self._free, self._keeps_reference = bonds, FreeComponents(~constrained), keeps_reference
+        self._factors = cast("Factors | None", None)
         self._reference: tuple[Array, Array] | None = None  # displacements and history whose tangent has factors
 
     def begin_step(self, displacement: Array) -> None:
@@ -128,26 +127,25 @@ class SofteningFactors:
 
         Solutions of the step depend on both alone, not on the steps in between.
         """
-        matrix = self._free_part.of(self._bonds.tangent(self._bonds.respond(displacement)))
+        tangent = self._bonds.tangent(self._bonds.respond(displacement))
         if self._factors is not None and self._reference is not None:
-            changed = self._factors.changed_components(matrix)
+            changed = self._factors.changed_components(tangent)
             before = self._factors.components
             for components in (np.union1d(before, changed), changed):
                 if self._factors.keep_components(components, KEPT):
                     return
-        self._factorize(matrix)
+        self._factorize(tangent)
         if self._keeps_reference:
             self._reference = displacement.copy(), self._bonds.kappa.copy()
 
-    def solve(self, matrix: csr_array, right_sides: Array, guess: Array | None) -> Array:
+    def solve(self, tangent: csr_array, right_sides: Array, guess: Array | None) -> Array:
         """The solutions (f, r) of free components. Raises NotConvergedError."""
-        free_matrix = self._free_part.of(matrix)
-        solution = None if self._factors is None else self._factors.solve(free_matrix, right_sides, LEFT, guess)
-        return self._factorize(free_matrix).solve_approximately(right_sides) if solution is None else solution
+        solution = None if self._factors is None else self._factors.solve(tangent, right_sides, LEFT, guess)
+        return self._factorize(tangent).solve_approximately(right_sides) if solution is None else solution
 
     def checkpoint_arrays(self) -> dict[str, NDArray[Any]]:
         """The reference, for a checkpoint; empty without one."""
-        none, components = (np.zeros((0, self._shape[1])), np.zeros(0)), np.zeros(0, dtype=np.int64)
+        none, components = (np.zeros((0, self._free.shape[1])), np.zeros(0)), np.zeros(0, dtype=np.int64)
         displacement, history = self._reference or none
         if self._factors is not None and self._reference is not None:
             components = self._factors.components
@@ -155,22 +153,18 @@ class SofteningFactors:
 
     def restore(self, checkpoint: Mapping[str, NDArray[Any]]) -> None:
         """Restore the reference of a checkpoint. Raises CheckpointError."""
-        components = entry(checkpoint, "reference_components", (None,), np.int64, 0, len(self._free) - 1)
+        components = entry(checkpoint, "reference_components", (None,), np.int64, 0, len(self._free.numbers) - 1)
         if not len(entry(checkpoint, "reference_history", (None,), float)):
             return
-        value = entry(checkpoint, "reference_value", self._shape, float).copy()
+        value = entry(checkpoint, "reference_value", self._free.shape, float).copy()
         history = entry(checkpoint, "reference_history", self._bonds.kappa.shape, float).copy()
         now, self._bonds.kappa = self._bonds.kappa, history
-        factors = self._factorize(self._free_part.of(self._bonds.tangent(self._bonds.respond(value))))
+        factors = self._factorize(self._bonds.tangent(self._bonds.respond(value)))
         self._bonds.kappa, self._reference = now, (value, history)
         factors.add_columns(components)
 
-    def _factorize(self, matrix: csr_array) -> ReusedFactors:
-        try:
-            self._factors = ReusedFactors(matrix, self._bonds.symmetric)
-        except RuntimeError:
-            raise SingularTangentError("the tangent is singular") from None
-        self._reference = None
+    def _factorize(self, tangent: csr_array) -> Factors:
+        self._factors, self._reference = Factors(tangent, self._free, self._bonds.symmetric), None
         return self._factors
 
 
@@ -348,12 +342,18 @@ class SofteningPathSteps(CorrectedPathSteps):
         self, guess: PathPoint, aim: Aim | None, step: int, make_tangents: Callable[[], Tangents]
     ) -> PathSolution:
         """The equilibrium near a guess, with normals and weights of contact that stay there."""
-        report_progress = self._make_progress_callback(step)
-        return solve_until_contact_converges(
-            self._contact,
-            lambda: self._corrector.find_equilibrium(guess, aim, report_progress, make_tangents()),
-            self._corrector.residual,
-        )
+        report_progress, contact = self._make_progress_callback(step), self._contact
+        if contact is None:
+            return self._corrector.find_equilibrium(guess, aim, report_progress, make_tangents())
+        solutions: list[PathSolution] = []
+
+        def solve() -> Array:
+            solutions.append(self._corrector.find_equilibrium(guess, aim, report_progress, make_tangents()))
+            return solutions[-1][0].displacement
+
+        solve_until_contact_stays(contact, solve, lambda: self._corrector.residual(solutions[-1][0]))
+        point, _, residual = solutions[-1]
+        return point, sum(count for _, count, _ in solutions), residual
 
     def _extrapolate_along_secant_direction(self) -> PathPoint:
         """Where the control is by the next step larger, along the straight direction of growing loads."""

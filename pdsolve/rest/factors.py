@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pdsolve.rest.equilibrium import SingularTangentError
 from pdsolve.state import Broken
 
 if TYPE_CHECKING:
@@ -59,40 +60,77 @@ def count_negative_eigenvalues(matrix: csr_array) -> int:
     return int((splu(matrix.tocsc(), **SYMMETRIC).U.diagonal() < 0).sum())
 
 
-class ReusedFactors:
-    """Factors of a matrix (k, k), and solutions with matrices that differ from it, the more in few components."""
+class FreeComponents:
+    """The free components (k,) of nodes, and what tangents have of them."""
 
-    def __init__(self, matrix: csr_array, symmetric: bool = True) -> None:
-        """Matrices may be indefinite; they are `symmetric`, or not. Raises RuntimeError for a singular matrix."""
-        self.matrix, self._inverse = matrix, factorize(matrix, symmetric)
-        self._scale = float(np.abs(matrix.diagonal()).max(initial=0.0))
-        self._room = np.empty((matrix.shape[0], CHANGED + GROUP), order="F")  # for columns X, as they are needed
+    def __init__(self, is_free: NDArray[np.bool_]) -> None:
+        """`is_free` is (n, w)."""
+        self.shape, inner = is_free.shape, is_free.ravel()
+        self.numbers = np.flatnonzero(inner)  # (k,), in order
+        self.row = np.where(inner, np.cumsum(inner) - 1, -1).reshape(is_free.shape)  # of (n, w) among them; or -1
+        self._parts: tuple[csr_array, csr_array] | None = None  # a matrix, and its part with numbers of entries
+
+    def part_of(self, matrix: csr_array) -> csr_array:
+        """The part (k, k) of a matrix (n w, n w), whose pattern is the same array wherever that of the matrix is."""
+        from scipy.sparse import csr_array
+
+        if self._parts is None or not _have_same_pattern(self._parts[0], matrix):
+            numbers = csr_array((np.arange(len(matrix.data)), matrix.indices, matrix.indptr), matrix.shape)
+            self._parts = matrix, numbers[self.numbers][:, self.numbers]
+        part = self._parts[1]
+        return csr_array((matrix.data[part.data], part.indices, part.indptr), part.shape)
+
+
+class Factors:
+    """Factors of the free components (k,) of a tangent; solutions with tangents that differ, the more in few of them,
+    and with this tangent without bonds that have broken since."""
+
+    def __init__(
+        self, tangent: csr_array, free: FreeComponents, symmetric: bool = True, broken_bonds: Broken | None = None
+    ) -> None:
+        """`tangent` (n w, n w) may be indefinite; it is `symmetric`, or not, and without `broken_bonds`.
+
+        Raises SingularTangentError.
+        """
+        self.tangent, self._free, self._part = tangent, free, free.part_of(tangent)
+        try:
+            self._inverse = factorize(self._part, symmetric)
+        except RuntimeError:
+            raise SingularTangentError("the tangent is singular") from None
+        self._scale = float(np.abs(self._part.diagonal()).max(initial=0.0))
+        self._room: Array | None = None  # (k, CHANGED + GROUP) for columns X, once there are any
         self.components: Index = np.zeros(0, dtype=np.int64)  # (p,) that have changed
-        self._rows: Index | None = None  # of the entries of the matrix
-        self._place = np.full(matrix.shape[0], -1)  # of components among these
+        self._rows: Index | None = None  # of the entries of the part
+        self._place = np.full(self._part.shape[0], -1)  # of components among these
         self._change = np.zeros((0, 0))  # (p, p): M
         self._coupling = np.zeros((0, 0))  # (p, p): E^T X
         self._entries: tuple[Index, Index, Index] | None = (
             None  # of matrices of the same pattern: which, and where in M
         )
         self._equations: tuple[Array, Array, int] | None = None  # LU factors of I + E^T X M; None: to be made
+        self._broken_at_start = self._broken = (
+            np.zeros(0, dtype=np.int64) if broken_bonds is None else self._bond_ids(broken_bonds)
+        )
 
-    def changed_components(self, matrix: csr_array) -> Index:
+    def changed_components(self, tangent: csr_array) -> Index:
         """Components (q,) with larger changes of their entries, in order."""
-        row, column, change = self._difference(matrix)
+        return self._changed_components(self._free.part_of(tangent))
+
+    def _changed_components(self, part: csr_array) -> Index:
+        row, column, change = self._difference(part)
         large = np.abs(change) > SLIGHT * self._scale
-        is_changed = np.zeros(matrix.shape[0], dtype=bool)
+        is_changed = np.zeros(part.shape[0], dtype=bool)
         is_changed[row[large]] = is_changed[column[large]] = True
         return np.flatnonzero(is_changed)
 
-    def _difference(self, matrix: csr_array) -> tuple[Index, Index, Array]:
-        """Rows, columns and values of what a matrix has more than that with factors."""
-        if not _have_same_pattern(matrix, self.matrix):
-            difference = (matrix - self.matrix).tocoo()
+    def _difference(self, part: csr_array) -> tuple[Index, Index, Array]:
+        """Rows, columns and values of what a part (k, k) has more than that with factors."""
+        if not _have_same_pattern(part, self._part):
+            difference = (part - self._part).tocoo()
             return difference.row, difference.col, difference.data
         if self._rows is None:
-            self._rows = np.repeat(np.arange(matrix.shape[0]), np.diff(matrix.indptr))
-        return self._rows, matrix.indices, matrix.data - self.matrix.data
+            self._rows = np.repeat(np.arange(part.shape[0]), np.diff(part.indptr))
+        return self._rows, part.indices, part.data - self._part.data
 
     def keep_components(self, components: Index, most: int = CHANGED * 3 // 4) -> bool:
         """Keep columns of these components only, in order, and add what is missing, so that solutions depend on them
@@ -108,7 +146,7 @@ class ReusedFactors:
 
     def _order(self, order: Index) -> None:
         """Take the columns at these places (q,) for all, and forget changes."""
-        if not np.array_equal(order, np.arange(len(self.components))):
+        if self._room is not None and not np.array_equal(order, np.arange(len(self.components))):
             self._room[:, : len(order)] = self._room[:, order]
         self._set_components(self.components[order])
 
@@ -117,7 +155,9 @@ class ReusedFactors:
         self._place[self.components] = -1
         self.components, count = components, len(components)
         self._place[components] = np.arange(count)
-        self._coupling = np.ascontiguousarray(self._room[components, :count])
+        self._coupling = (
+            np.zeros((0, 0)) if self._room is None else np.ascontiguousarray(self._room[components, :count])
+        )
         self._change, self._equations, self._entries = np.zeros((count, count)), None, None
 
     def add_columns(self, components: Index) -> bool:
@@ -127,6 +167,8 @@ class ReusedFactors:
             return False
         if not len(groups):
             return True
+        if self._room is None:
+            self._room = np.empty((size, CHANGED + GROUP), order="F")
         components, before, count = self.components, self._change, len(self.components)
         for group in groups.tolist():
             rows = np.arange(GROUP * group, min(GROUP * (group + 1), size))
@@ -152,9 +194,10 @@ class ReusedFactors:
         """The solutions for right sides (k, r), without refinement."""
         from scipy.linalg.lapack import dgetrf, dgetrs
 
-        at, columns = self.components, self._room[:, : len(self.components)]
-        if not len(at):
+        at = self.components
+        if not len(at) or self._room is None:
             return self._inverse(right_side)
+        columns = self._room[:, : len(at)]
         if self._equations is None:
             self._equations = dgetrf(np.eye(len(at)) + self._coupling @ self._change)
         lu, pivots, is_singular = self._equations
@@ -169,14 +212,15 @@ class ReusedFactors:
         weights = dgetrs(lu, pivots, solution[at])[0]
         return np.asarray(solution - columns @ (self._change @ weights))
 
-    def solve(self, matrix: csr_array, right_side: Array, left: float, guess: Array | None = None) -> Array | None:
-        """The solutions of this matrix for right sides (k, r), which leave at most this share of them, from a guess on;
-        None if they take long."""
-        if not self.add_columns(self.changed_components(matrix)):
+    def solve(self, tangent: csr_array, right_side: Array, left: float, guess: Array | None = None) -> Array | None:
+        """The solutions of this tangent for right sides (k, r), which leave at most this share of them, from a guess
+        on; None if they take long."""
+        matrix = self._free.part_of(tangent)
+        if not self.add_columns(self._changed_components(matrix)):
             return None
         self._change[:], self._equations = 0.0, None
         row, column, change = self._difference(matrix)
-        if self._entries is None or not _have_same_pattern(matrix, self.matrix):
+        if self._entries is None or not _have_same_pattern(matrix, self._part):
             row, column = self._place[row], self._place[column]
             inside = np.flatnonzero((row >= 0) & (column >= 0))
             self._entries = inside, row[inside], column[inside]
@@ -202,63 +246,44 @@ class ReusedFactors:
                 return solution
         return None
 
-
-class FactorsWithoutBonds:
-    """Factors of the tangent of a body, and solutions without the bonds that have broken since.
-
-    A bond of node i with j adds k n n^T to what is at i, and takes it from what is between i and j: n is its direction
-    and k the largest eigenvalue of its block. What is left of it, across n, is some percent under the strains at which
-    bonds break, and iterations correct it.
-    """
-
-    def __init__(self, tangent: csr_array, free: NDArray[np.bool_], broken_bonds: Broken) -> None:
-        """`tangent` (n w, n w) is without `broken_bonds`; `free` (n, w) components get factors.
-
-        It is symmetric, or nearly so, as that of one-sided bonds is. Raises RuntimeError for a singular one.
-        """
-        self.tangent, (self._nodes, self._width) = tangent, free.shape
-        inner = free.ravel()
-        self._factors = ReusedFactors(tangent[inner][:, inner])
-        self._row = np.where(inner, np.cumsum(inner) - 1, -1).reshape(free.shape)
-        self._at_start = self._known = self._bond_ids(broken_bonds)
-
     def remove_bonds(self, broken_bonds: Broken) -> bool:
         """Take these for broken; False if they are too many, or if one is there again."""
-        before, self._known = self._known, self._bond_ids(broken_bonds)
-        new = np.setdiff1d(self._known, before)
-        if len(np.setdiff1d(before, self._known)):
+        before, self._broken = self._broken, self._bond_ids(broken_bonds)
+        new = np.setdiff1d(self._broken, before)
+        if len(np.setdiff1d(before, self._broken)):
             return False
-        return not len(new) or self._factors.add_change(*self._change_without(new))
+        return not len(new) or self.add_change(*self._change_without(new))
 
     def restart_without_bonds(self, broken_bonds: Broken) -> bool:
         """Take these for broken, whatever was solved before; False if they are too many."""
-        self._known = self._bond_ids(broken_bonds)
-        components, change = self._change_without(np.setdiff1d(self._known, self._at_start))
-        if len(np.setdiff1d(self._at_start, self._known)) or not self._factors.keep_components(components):
+        self._broken = self._bond_ids(broken_bonds)
+        components, change = self._change_without(np.setdiff1d(self._broken, self._broken_at_start))
+        if len(np.setdiff1d(self._broken_at_start, self._broken)) or not self.keep_components(components):
             return False
-        return self._factors.add_change(components, change)
-
-    def solve(self, right_side: Array) -> Array:
-        """The solution for a right side (k,), roughly."""
-        return np.asarray(self._factors.solve_approximately(right_side[:, None])[:, 0])
+        return self.add_change(components, change)
 
     def _bond_ids(self, broken_bonds: Broken) -> Index:
         """A number for each bond of a node, in order."""
-        return np.unique(broken_bonds.source * self._nodes + broken_bonds.target)
+        return np.unique(broken_bonds.source * self._free.shape[0] + broken_bonds.target)
 
     def _change_without(self, bonds: Index) -> tuple[Index, Array]:
-        """Free components (q,), and the change (q, q) of the tangent there, without these bonds of nodes."""
+        """Free components (q,), and the change (q, q) of the tangent there, without these bonds of nodes.
+
+        A bond of node i with j adds k n n^T to what is at i, and takes it from what is between i and j: n is its
+        direction and k the largest eigenvalue of its block. What is left of it, across n, is some percent under the
+        strains at which bonds break, and iterations correct it.
+        """
         if not len(bonds):
             return bonds, np.zeros((0, 0))
-        w, axes = self._width, np.arange(self._width)
-        ends = np.stack(np.divmod(bonds, self._nodes), axis=1)  # (b, 2)
+        nodes, w = self._free.shape
+        axes, ends = np.arange(w), np.stack(np.divmod(bonds, nodes), axis=1)  # (b, 2)
         rows, columns = (w * node[:, None] + axes for node in ends.T)
         places = np.repeat(rows, w, axis=1).ravel(), np.tile(columns, w).ravel()
         values, vectors = np.linalg.eigh(-np.asarray(self.tangent[places]).reshape(len(bonds), w, w))
         n = vectors[:, :, -1]
         block = np.maximum(values[:, -1], 0.0)[:, None, None] * n[:, :, None] * n[:, None, :]
         change = np.concatenate([-block, block], axis=2)  # (b, w, 2 w): at the node, and between both
-        at = self._row[ends].reshape(len(bonds), -1)
+        at = self._free.row[ends].reshape(len(bonds), -1)
         components = np.unique(at[at >= 0])
         is_free = (at[:, :w, None] >= 0) & (at[:, None, :] >= 0)
         place = np.searchsorted(components, at)
@@ -266,25 +291,6 @@ class FactorsWithoutBonds:
         total = np.zeros((len(components), len(components)))
         np.add.at(total, (row[is_free], column[is_free]), change[is_free])
         return components, total
-
-
-class Submatrix:
-    """Rows and columns of matrices of one pattern."""
-
-    def __init__(self, components: Index) -> None:
-        """`components` (k,) are those of the part, in order."""
-        self._components = components
-        self._parts: tuple[csr_array, csr_array] | None = None  # a matrix, and its part with numbers of entries
-
-    def of(self, matrix: csr_array) -> csr_array:
-        """The part (k, k), whose pattern is the same array wherever that of the matrix is."""
-        from scipy.sparse import csr_array
-
-        if self._parts is None or not _have_same_pattern(self._parts[0], matrix):
-            numbers = csr_array((np.arange(len(matrix.data)), matrix.indices, matrix.indptr), matrix.shape)
-            self._parts = matrix, numbers[self._components][:, self._components]
-        part = self._parts[1]
-        return csr_array((matrix.data[part.data], part.indices, part.indptr), part.shape)
 
 
 def _have_same_pattern(one: csr_array, other: csr_array) -> bool:

@@ -31,7 +31,7 @@ from pdsolve.rest.equilibrium import (
     reference_stiffness_above_round_off,
     relative_residual,
 )
-from pdsolve.rest.factors import FactorsWithoutBonds, count_negative_eigenvalues, factorize
+from pdsolve.rest.factors import Factors, FreeComponents, count_negative_eigenvalues
 from pdsolve.state import State
 
 if TYPE_CHECKING:
@@ -85,9 +85,9 @@ class Newton:
         self._floating: NDArray[np.bool_] | None = None  # (n,) nodes that are held softly
         self._forces_are_pairwise = forces_are_pairwise and self._factored
         self._no_bonds_broken = operator.broken()
-        self._reference: FactorsWithoutBonds | None = None  # of the body as it was made
+        self._reference: Factors | None = None  # of the body as it was made
         self.reference_is_near = True  # whether its tangent serves for all load steps
-        self._factors_in_use: FactorsWithoutBonds | None = None
+        self._factors_in_use: Factors | None = None
         self._inverse: Callable[[Array], Array] | None = None
         self._matrix: csr_array | None = None
         self._lasting: _LastingTangent | None = None  # of this matrix, with earlier steps
@@ -109,21 +109,16 @@ class Newton:
             operator.restore(checkpoint, self._no_bonds_broken)
             undeformed = state._replace(value=np.zeros(state.value.shape))
             try:
-                self._reference = FactorsWithoutBonds(
-                    area_weighted_tangent(self._operator, self._area, undeformed), free, self._no_bonds_broken
-                )
-            except RuntimeError:
+                tangent = area_weighted_tangent(operator, self._area, undeformed)
+                self._reference = Factors(tangent, FreeComponents(free), broken_bonds=self._no_bonds_broken)
+            except SingularTangentError:
                 self.reference_is_near = False
             finally:
                 operator.restore(checkpoint, broken)
         if self._reference is None or not self._reference.restart_without_bonds(broken):
             self.discard_reference()
         else:
-            self._factors_in_use, self._matrix, self._inverse = (
-                self._reference,
-                self._reference.tangent,
-                self._reference.solve,
-            )
+            self._use_factors(self._reference)
 
     def restrain_by_weak_springs(self, nodes: NDArray[np.bool_]) -> None:
         """Restrain these nodes (n,) by weak springs in the equations only, which takes a few more iterations."""
@@ -154,7 +149,11 @@ class Newton:
         self._before = norm(start)
         if self._inverse is None and self._forces_are_pairwise and self.reference_is_near and self._floating is None:
             self._take_factors_of_reference(state, free)
-        if self._factors_in_use is not None and not self._factors_in_use.remove_bonds(self._operator.broken()):
+        if (
+            self._forces_are_pairwise
+            and self._factors_in_use is not None
+            and not self._factors_in_use.remove_bonds(self._operator.broken())
+        ):
             self.discard_reused_tangent()
         body = OperatorBody(self._operator, self._area, state)
         if self._inverse is None and (state.value != conditions.prescribed_displacement)[~free].any():
@@ -249,8 +248,8 @@ class Newton:
         from scipy.sparse.linalg import bicgstab, cg
 
         symmetric, self._matrix, self._lasting = self._operator.symmetric, matrix, None
-        inner = matrix[free.ravel()][:, free.ravel()]
         if not self._factored:
+            inner = matrix[free.ravel()][:, free.ravel()]
             diagonal = inner.diagonal()
             light = diags_array(1 / np.where(diagonal > 0, diagonal, 1.0))
             method = cg if symmetric else bicgstab
@@ -258,18 +257,24 @@ class Newton:
                 method(inner, right_side, rtol=INNER, maxiter=INNER_MOST, M=light)[0]
             )
             return self._inverse
+        pairwise = self._forces_are_pairwise  # of which few are one-sided
         try:
-            if self._forces_are_pairwise:
-                self._factors_in_use = FactorsWithoutBonds(matrix, free, self._operator.broken())
-                self._inverse = self._factors_in_use.solve
-            else:
-                self._inverse = factorize(inner, symmetric)
-        except RuntimeError:
+            broken = self._operator.broken() if pairwise else None
+            return self._use_factors(Factors(matrix, FreeComponents(free), symmetric or pairwise, broken))
+        except SingularTangentError:
             raise SingularTangentError(
                 "a body is free to move in its own plane without a force; add supports, or use run.static.floating"
                 " (--float)"
             ) from None
-        return self._inverse
+
+    def _use_factors(self, factors: Factors) -> Callable[[Array], Array]:
+        """Solve with these factors from now on; returns what does."""
+
+        def solve(right_side: Array) -> Array:
+            return np.asarray(factors.solve_approximately(right_side[:, None])[:, 0])
+
+        self._factors_in_use, self._matrix, self._inverse = factors, factors.tangent, solve
+        return solve
 
     def _restrain(self, matrix: csr_array, residual: float = 1.0) -> csr_array:
         """The matrix with the weak springs of what nothing supports: the weaker, the smaller the residual is, so that
