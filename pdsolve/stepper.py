@@ -32,6 +32,7 @@ class Stepper(ABC):
     operator_has_state: bool = False  # `advance` may be given a state of no nodes, as the operator has it
     load_factor: float | None = None  # of a path or a cycle, the time of profiles, s; None: profiles follow the time
     finished: bool = False  # a path or a life has ended
+    goes_from_rest_to_rest: bool = False  # in load steps, which begin without strains and with nothing held
     inner: Stepper | None = None  # the stepper that finds the equilibria, or takes the motion's steps, of this one
     on_progress: Callable[[LoadStepProgress], None] | None = None  # see `report_to`
 
@@ -63,6 +64,17 @@ class Stepper(ABC):
     def energy_density_at_zero_displacement(self, state: State) -> NDArray[np.float64] | float:
         """The energy densities (n,), J/m^3, that swollen bonds would have without displacements; 0 without swelling."""
         return 0.0
+
+    def set_swelling_strain(  # noqa: B027 - a motion goes on from where it is
+        self, strain: NDArray[np.float64], state: State, on_next_equilibrium: Callable[[State], object]
+    ) -> None:
+        """Take these strains (n,), with which the operator has been strained, for the next load step.
+
+        `on_next_equilibrium` is called with its equilibrium before bonds break.
+        """
+
+    def discard_factors(self) -> None:  # noqa: B027 - steps without equations have none
+        """Discard factors of a matrix that has changed."""
 
     def checkpoint_arrays(self) -> Mapping[str, NDArray[Any]]:
         """Arrays for a checkpoint, by name."""

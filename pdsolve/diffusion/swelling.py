@@ -29,10 +29,8 @@ from pdsolve.diffusion.walls import Array
 from pdsolve.lattice.flux_operator import FluxesInList, links_between
 from pdsolve.model import Model
 from pdsolve.operators.protocol import Operator
-from pdsolve.rest.load_steps import LoadSteps
 from pdsolve.state import Broken, State
 from pdsolve.stepper import Stepper
-from pdsolve.steppers.theta import ThetaSteps
 
 SMALL = 1e-5  # of strain: energies that far apart tell their derivative
 CYCLE = 20  # steps of the motion, at most, for one of the content: what heats as fast as waves go is that coarse
@@ -57,7 +55,7 @@ class BrokenBonds:
         self._transport, self._broken, self._share = transport, broken, share
         self._families, self._known = DiffusionFamilies(transport.model), 0
 
-    def update(self, stepper: object) -> None:
+    def update(self, stepper: Stepper) -> None:
         """Let the bonds that are broken now conduct less, in the steps of `stepper` too."""
         broken = self._broken()
         if len(broken.step) == self._known:
@@ -81,8 +79,7 @@ class BrokenBonds:
         is_reduced = lost < 0
         links = links_between(source[is_reduced], target[is_reduced], len(operator.volume))
         operator.torn = FluxesInList(links, lost[is_reduced], operator.volume, self._transport.threads)
-        if isinstance(stepper, ThetaSteps):
-            stepper.discard_factors()
+        stepper.discard_factors()
 
 
 class Swelling(Stepper):
@@ -112,7 +109,7 @@ class Swelling(Stepper):
         medium = model.settings.medium
         assert medium is not None
         self._capacity = medium.heat_capacity if medium.deformation else None
-        if not isinstance(motion, LoadSteps):  # which begin without strains, and with nothing held
+        if not motion.goes_from_rest_to_rest:
             self.swell()
 
     def swell(self) -> None:
@@ -170,7 +167,7 @@ class Swelling(Stepper):
 
         `strain_energy` (n,) is that of before, J/m^3, if it is known.
         """
-        rests = isinstance(self.motion, LoadSteps)
+        rests = self.motion.goes_from_rest_to_rest
         before = np.zeros(len(self._T0)) if rests and step == 1 else self._strain()
         strain_energy = self._held(state, before) if strain_energy is None else strain_energy
         if self._broken is not None:
@@ -194,8 +191,7 @@ class Swelling(Stepper):
             state.work[:] += (now - unstrained) / 2
             return now
 
-        if isinstance(self.motion, LoadSteps):  # whose bonds break afterwards
-            self.motion.set_swelling_strain(strain, state, loaded)
+        self.motion.set_swelling_strain(strain, state, loaded)
         self.motion.advance(state, step, step + 1)
         return None if rests else loaded(state)
 

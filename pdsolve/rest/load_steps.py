@@ -63,6 +63,8 @@ class LoadStepStatistics(NamedTuple):
 class LoadSteps(Stepper):
     """Takes load steps with a method and any operator whose own bonds do not break."""
 
+    goes_from_rest_to_rest = True
+
     def __init__(
         self,
         model: Model,
