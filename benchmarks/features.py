@@ -155,6 +155,10 @@ MATERIALS: dict[str, Changes] = {
     "correspondence": SOLID,
     "correspondence with svk": SOLID | {"material.solid": "svk"},
     "correspondence with neo hooke": SOLID | {"material.solid": "neo hooke"},
+    "correspondence with an orthotropic solid": SOLID
+    | {"material.solid": "orthotropic", "material.failure": "none"}
+    | {"material.E2": 4e10, "material.G12": 2e10, "material.E3": 4e10, "material.G13": 2e10, "material.G23": 1.5e10}
+    | {"material.nu13": 0.22, "material.nu23": 0.3},
     "correspondence with j2": SOLID | {"material.solid": "j2", "material.yield_stress": 1e8},
     "correspondence in rate form": SOLID | {"material.form": "rate"},
     "correspondence of order 2": SOLID | {"material.order": 2},

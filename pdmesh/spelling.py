@@ -61,6 +61,7 @@ OTHER_NAMES = {
     "j2": ("plastic", "von mises", "elastoplastic"),
     "brittle": ("linear", "elastic", "prototype", "pmb"),
     "neo hooke": ("neohookean", "neo hookean"),
+    "orthotropic": ("anisotropic", "ply", "lamina", "composite", "fibre", "fiber", "transversely isotropic"),
     "svk": ("st venant kirchhoff", "saint venant"),
 }
 

@@ -97,7 +97,8 @@ class Family(msgspec.Struct, frozen=True):
 class Correspondence(msgspec.Struct, frozen=True, tag_field="model", tag="correspondence"):
     """A solid behind the gradient of a family."""
 
-    solid: Literal["linear", "svk", "neo hooke", "j2"] = "linear"  # stress-strain law of a correspondence model
+    solid: Literal["linear", "svk", "neo hooke", "j2", "orthotropic"] = "linear"  # stress-strain law of a
+    # correspondence model
     form: Literal["total", "rate"] = "total"  # the stress follows from the total deformation, or is integrated over the
     # steps (rate)
     control: Literal["silling", "none", "wan", "breitzman-dayal"] = "silling"  # method that controls the zero-energy
@@ -130,6 +131,30 @@ class Plastic(msgspec.Struct, frozen=True, tag_field="solid", tag="j2"):
     hardening: Annotated[float, Declared("Pa")] = 0.0  # increase of the yield stress per plastic strain
 
 
+class Orthotropic(msgspec.Struct, frozen=True, tag_field="solid", tag="orthotropic"):
+    """A ply: stiffer, and stronger, along its fibres, axis 1; E is E1 and nu is nu12."""
+
+    angle: Annotated[float, Declared("degrees")] = 0.0  # direction of the fibres of an orthotropic solid, from x to y
+    E2: Annotated[Positive | None, Declared("Pa", "E2", needed="Young's modulus across the fibres, Pa")] = (
+        None  # Young's
+    )
+    # modulus across the fibres; required with solid orthotropic, whose E is that along them
+    G12: Annotated[Positive | None, Declared("Pa", "G12", needed="the shear modulus in the plane, Pa")] = None  # shear
+    # modulus in the plane of the ply; required with solid orthotropic
+    E3: Annotated[Positive | None, Declared("Pa", "E3")] = None  # Young's modulus across the plane of the ply; required
+    # in plane strain and in 3D, as nu13 and nu23 are
+    nu13: Annotated[float | None, Declared("", "nu13")] = None  # Poisson's ratio, strain across the plane over strain
+    # along the fibres
+    nu23: Annotated[float | None, Declared("", "nu23")] = None  # Poisson's ratio, strain across the plane over strain
+    # across the fibres
+    G13: Annotated[Positive | None, Declared("Pa", "G13")] = None  # shear modulus across the plane, along the fibres;
+    # required in 3D, as G23 is
+    G23: Annotated[Positive | None, Declared("Pa", "G23")] = None  # shear modulus across the plane and the fibres
+    strength_across: Annotated[Positive | None, Declared("Pa")] = None  # tensile strength across the fibres; required
+    # with solid orthotropic and failure stress, whose strength is that along them
+    shear_strength: Annotated[Positive | None, Declared("Pa")] = None  # shear strength along the fibres; likewise
+
+
 class Expansion(msgspec.Struct, frozen=True, tag_field="physics", tag="thermoelastic"):
     """A solid that heat or a solvent swells."""
 
@@ -141,13 +166,16 @@ class Expansion(msgspec.Struct, frozen=True, tag_field="physics", tag="thermoela
     # the default at time 0; required with physics thermoelastic
 
 
-CHOSEN = (Diffraction, BondLaw, Bilinear, Cohesive, Family, Correspondence, StressFailure, Silling, Plastic, Expansion)
+CHOSEN = (
+    *(Diffraction, BondLaw, Bilinear, Cohesive, Family, Correspondence, StressFailure, Silling, Plastic, Orthotropic),
+    Expansion,
+)
 
 if TYPE_CHECKING:
 
     class _Flat(
-        Expansion, Plastic, Silling, StressFailure, Correspondence, Family, Cohesive, Bilinear, BondLaw, Diffraction,
-        Elastic, frozen=True
+        Expansion, Orthotropic, Plastic, Silling, StressFailure, Correspondence, Family, Cohesive, Bilinear, BondLaw,
+        Diffraction, Elastic, frozen=True
     ):  # fmt: skip
         """All of them in one table."""
 

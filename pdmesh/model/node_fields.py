@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
     from pdmesh.model.material import Material
 
-Quantity = Literal["E", "rho", "G0", "nu", "f_t", "strength", "yield_stress", "hardening", "alpha"]
+Quantity = Literal["E", "rho", "G0", "nu", "f_t", "strength", "yield_stress", "hardening", "alpha", "angle"]
 QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 LEAST, MOST = 1e-30, 1e30  # of E, rho and G0 too: products of a few of them stay numbers
-SIGNED = ("hardening", "alpha")  # may be 0 or negative
+SIGNED = ("hardening", "alpha", "angle")  # may be 0 or negative
 RATIOS = -1.0, 0.5  # of nu, neither included
 
 
@@ -109,6 +109,7 @@ def unused(quantity: str, material: Material, physics: str) -> str | None:
         ),
         "f_t": (material.law == "cohesive", "law 'cohesive'"),
         "strength": (material.failure == "stress", "failure 'stress'"),
+        "angle": (material.solid == "orthotropic", "solid 'orthotropic'"),
         "alpha": (physics == "thermoelastic", "physics 'thermoelastic'"),
         **dict.fromkeys(("yield_stress", "hardening"), (material.solid == "j2", "solid 'j2'")),
     }

@@ -262,7 +262,7 @@ COARSE = Feature("strengths of coarse bonds", materials("coarse", lambda m: m.co
 CALIBRATION = Feature("isotropic calibration", materials("calibration", lambda m: m.calibration != "mean"), "mean")
 ENERGY = Feature("failure by energy", materials("failure", lambda m: m.failure == "energy"), "none or stretch")
 LARGE = Feature(
-    "neo hooke and plastic flow",
+    "neo hooke, orthotropic and plastic flow",
     materials("solid", lambda m: m.model == "correspondence" and not SOLIDS[m.solid].particles),
     "linear or svk",
 )
@@ -285,6 +285,12 @@ LISTED = Feature(
         ),
     ),
     why=", as blocks do not have the law of the material",
+)
+ORTHOTROPIC = Feature(
+    "orthotropic",
+    materials("solid", lambda m: m.model == "correspondence" and m.solid == "orthotropic"),
+    "'linear'",
+    ", as the solid is orthotropic",
 )
 RATE = Feature("rate form", materials("form", lambda m: m.form == "rate"), "total")
 HISTORY = Feature(
@@ -329,6 +335,8 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(HEAT, SOLID, IMPLICIT, SOFTENING, ZONES, PARTICLES, START, DISPLACED, THESIS),
     *excluded(HEAT, STIFFNESS_DAMPING, EQ19),
     *excluded(HEAT, COUNT, use="run.time_step and steps"),
+    *excluded(HEAT, ORTHOTROPIC, because=" (it has one expansion, not one along and one across the fibres)"),
+    *excluded(ORTHOTROPIC, ABSORB),
     *excluded(CONTACT, HEAT, because=NO_HEAT),
     *excluded(CONTACT, ADAPTIVE, because=ONE_BODY),
     *excluded(CONTACT, START, PARTICLES, FATIGUE, THESIS),

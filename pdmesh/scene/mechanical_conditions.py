@@ -66,7 +66,8 @@ class MechanicalConditions(Conditioned[W]):
         Parameters
         ----------
         quantity
-            E, rho, G0 or the critical_stretch of brittle bonds, f_t, strength, nu, yield_stress, hardening, alpha.
+            E, rho, G0 or the critical_stretch of brittle bonds, f_t, strength, nu, yield_stress, hardening, alpha, or
+            angle (degrees, of the fibres of orthotropic solids).
         value
             A function of place f(x, y) or f(x, y, z), m; an expression such as "70e9 * (1 + x / 0.1)"; an array in the
             order of nodes; a `Weibull`, which multiplies the values so far; a `Picture`; or the name of a file: .npy

@@ -106,6 +106,19 @@ class Stiffness(NamedTuple):
     E: NDArray[np.float64]  # (n,) Young's modulus, Pa
     nu: NDArray[np.float64]  # (n,) Poisson's ratio of the material's model
     plane: str  # stress, strain or space
+    C: NDArray[np.float64] | None = None  # (n, 13) of orthotropic nodes, Pa; NaN: of isotropic ones
+
+    def at(self, rows: NDArray[np.int64]) -> Stiffness:
+        """The constants of nodes `rows` (k,)."""
+        return Stiffness(self.E[rows], self.nu[rows], self.plane, None if self.C is None else self.C[rows])
+
+    def differs_from(self, row: int) -> NDArray[np.bool_]:
+        """Whether nodes (n,) have other constants than the node `row`."""
+        differs: NDArray[np.bool_] = (self.E[row] != self.E) | (self.nu != self.nu[row])
+        if self.C is None:
+            return differs
+        C = np.nan_to_num(self.C)
+        return np.asarray(differs | (C[row] != C).any(axis=1))
 
 
 def hooke(
@@ -115,7 +128,10 @@ def hooke(
 
     `free` (n,) is the strain of no stress in a free body.
     """
-    modulus, nu, plane = elastic
+    modulus, nu, plane = elastic[:3]
+    if elastic.C is not None:
+        isotropic = hooke(strain, elastic._replace(C=None), free)
+        return np.where(np.isnan(elastic.C[:, :1]), isotropic, _stress_of_plies(strain, elastic))
     within = (1 + nu) * free if plane == "strain" else free
     within = within + within**2 / 2  # Green's
     if strain.shape[1] == 6:
@@ -134,6 +150,32 @@ def hooke(
     return np.column_stack([sxx, syy, modulus / (1 + nu) * xy, szz])
 
 
+def _stress_of_plies(strain: NDArray[np.float64], elastic: Stiffness) -> NDArray[np.float64]:
+    """The stress of `hooke` of orthotropic nodes."""
+    assert elastic.C is not None
+    C11, C12, C13, C16, C22, C23, C26, C33, C36, C44, C45, C55, C66 = elastic.C.T
+    xx, yy, xy = strain.T[:3]
+    if strain.shape[1] == 6:
+        zz, xz, yz = strain.T[3:]
+    else:
+        zz = _thinning_of_plies(strain, elastic.C) if elastic.plane == "stress" else 0 * xx
+        xz = yz = 0 * xx
+    in_plane = (
+        C11 * xx + C12 * yy + C13 * zz + 2 * C16 * xy,
+        C12 * xx + C22 * yy + C23 * zz + 2 * C26 * xy,
+        C16 * xx + C26 * yy + C36 * zz + 2 * C66 * xy,
+        C13 * xx + C23 * yy + C33 * zz + 2 * C36 * xy,
+    )
+    if strain.shape[1] == 6:
+        return np.column_stack([*in_plane, 2 * (C55 * xz + C45 * yz), 2 * (C45 * xz + C44 * yz)])
+    return np.column_stack(in_plane)
+
+
+def _thinning_of_plies(strain: NDArray[np.float64], C: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The strain zz (n,) of orthotropic nodes in plane stress."""
+    return np.asarray(-(C[:, 2] * strain[:, 0] + C[:, 5] * strain[:, 1] + 2 * C[:, 8] * strain[:, 2]) / C[:, 7])
+
+
 def thinning(
     strain: NDArray[np.float64], elastic: Stiffness, free: NDArray[np.float64] | float = 0.0
 ) -> NDArray[np.float64]:
@@ -141,6 +183,9 @@ def thinning(
     if elastic.plane != "stress":
         return np.zeros(len(strain))
     nu = elastic.nu
+    if elastic.C is not None:
+        isotropic = thinning(strain, elastic._replace(C=None), free)
+        return np.where(np.isnan(elastic.C[:, 0]), isotropic, _thinning_of_plies(strain, elastic.C))
     return (strain[:, 0] + strain[:, 1] - 2 * free) * (-nu / (1 - nu)) + free
 
 

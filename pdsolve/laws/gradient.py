@@ -26,11 +26,13 @@ from pdsolve.laws.calls import bond_force as force_of
 from pdsolve.laws.calls import nodal_numbers as nodal_numbers_of
 from pdsolve.laws.calls import numbers as numbers_of
 from pdsolve.laws.law import INLINE, INNER
+from pdsolve.laws.materials.orthotropic import equivalent, is_along, least_moduli
 from pdsolve.laws.materials.solid import (
     ALPHA_RATE,
     ALPHA_TOTAL,
     J2,
     LINEAR,
+    ORTHOTROPIC,
     SVK,
     SolidColumns,
     dissipated,
@@ -103,7 +105,7 @@ def columns(model: Model, bonds: Bonds) -> CorrespondenceColumns:
 def silling(model: Model, total: NDArray[np.float64], d: int) -> NDArray[np.float64]:
     """Z (n,) of nodes with these total weights (n,)."""
     horizon = np.broadcast_to(model.horizons, total.shape)
-    E, G = model.node_values("E"), model.node_values("control_factor")
+    E, G = least_moduli(model), model.node_values("control_factor")
     strength = 9 * E / (horizon**2) if d == 2 else 16 * E / (horizon**2)
     return np.divide(G * strength, total, out=np.zeros(len(total)), where=total > 0)
 
@@ -286,7 +288,7 @@ def finish_sums_of(law, sums, node_constants):  # type: ignore[no-untyped-def]
 def may_fail_at(law, i, m, at):  # type: ignore[no-untyped-def]
     """Whether a bond of node i may fail, given its stress in m from `at` on."""
     if law.failure == STRESS:  # the largest principal value is convex: of a mean, one end has no less
-        return principal(law, m, i, i, at) > law.least
+        return _failure_stress(law, m, i, at) > law.least
     return law.failure != NEVER
 
 
@@ -296,7 +298,10 @@ def fails_by_stretch_or_stress(law, bond, m, i, j, k, at):  # type: ignore[no-un
     if law.broken[k] != 0:
         return False
     if law.failure == STRESS:
-        return principal(law, m, i, j, at) > law.limit[k]
+        if len(law.solid.ply) == 0:
+            return principal(law, m, i, j, at) > law.limit[k]
+        of_ends = _failure_stress_across(law, bond, m, i, at) + _failure_stress_across(law, bond, m, j, at)
+        return of_ends / 2 > law.limit[k]
     return law.failure == STRETCH and bond.stretch > 0 and bond.stretch > law.limit[k]
 
 
@@ -349,6 +354,23 @@ def principal(law, m, i, j, at):  # type: ignore[no-untyped-def]
         s = (m[i, at], m[i, at + 1], m[i, at + 2], m[i, at + 3], m[i, at + 4], m[i, at + 5])
         t = (m[j, at], m[j, at + 1], m[j, at + 2], m[j, at + 3], m[j, at + 4], m[j, at + 5])
     return largest(law.d, s, t)
+
+
+@njit(**INNER)
+def _failure_stress(law, m, i, at):  # type: ignore[no-untyped-def]
+    """The stress of a node, given in m from `at` on, by which some of its bonds fail."""
+    if law.solid.kind[i] != ORTHOTROPIC:
+        return principal(law, m, i, i, at)
+    fibres, matrix = equivalent(law.solid.ply[i], law.d, m[i], at)
+    return max(fibres, matrix)
+
+
+@njit(**INNER)
+def _failure_stress_across(law, bond, m, i, at):  # type: ignore[no-untyped-def]
+    """The stress of a node by which a bond fails; one along the fibres does not fail with the matrix."""
+    if law.solid.kind[i] == ORTHOTROPIC and is_along(law.solid.ply[i], bond.xi):
+        return equivalent(law.solid.ply[i], law.d, m[i], at)[0]
+    return _failure_stress(law, m, i, at)
 
 
 @njit(**INNER)

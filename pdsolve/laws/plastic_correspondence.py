@@ -26,7 +26,7 @@ from pdsolve.laws import gradient
 from pdsolve.laws.bond_arrays import AnyList, deformed, left, reference
 from pdsolve.laws.gradient import fails_at, lifted, nodal_energy_at, update_history_at
 from pdsolve.laws.law import INNER, Failure, Law, NodeHistory, Sums
-from pdsolve.laws.materials.solid import NEO_HOOKE, SVK, SolidColumns, respond
+from pdsolve.laws.materials.solid import NEO_HOOKE, ORTHOTROPIC, SVK, SolidColumns, respond
 from pdsolve.laws.materials.tensors import (
     contracted,
     det,
@@ -186,7 +186,8 @@ def _moments(m, i, d):  # type: ignore[no-untyped-def]
 @njit(**INNER)
 def _turns(law, i):  # type: ignore[no-untyped-def]
     """Whether the solid of node i is for large rotations."""
-    return law.solid.rate or law.solid.kind[i] == SVK or law.solid.kind[i] == NEO_HOOKE
+    kind = law.solid.kind[i]
+    return law.solid.rate or kind in (SVK, NEO_HOOKE, ORTHOTROPIC)
 
 
 @njit(**INNER)

@@ -309,8 +309,7 @@ class FrontObstacles:
         )
         nodes, nearest = self._nodes, int(self._tree.query(front_place.place)[1])
         spacing = float(nodes.delta[nearest])
-        E, nu, _ = self._elastic
-        other_material = (E[near] != E[nearest]) | (nu[near] != nu[nearest])
+        other_material = self._elastic.differs_from(nearest)[near]
         rooms = [UndisturbedRoom(largest_radius, "")]
         if front_place.curvature:
             rooms.append(UndisturbedRoom(AXIS / abs(front_place.curvature), "the middle of the front's arc"))

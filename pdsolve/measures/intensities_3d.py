@@ -29,7 +29,12 @@ from pdsolve.measures.cracked_nodes import ROUND_OFF
 from pdsolve.measures.embedded_model import read
 from pdsolve.measures.frame_steps import vector
 from pdsolve.measures.loaded_faces import loaded_faces_at
-from pdsolve.measures.strain import elastic_constants_of_nodes, families_without_broken_bonds, stress_work_if_yielded
+from pdsolve.measures.strain import (
+    elastic_constants_of_nodes,
+    families_without_broken_bonds,
+    is_orthotropic,
+    stress_work_if_yielded,
+)
 from pdsolve.measures.stress_intensities import FractureGridFileKeys, gradient_and_motion, three_radii, value_and_band
 from pdsolve.measures.tip_surroundings import UndisturbedRoom
 from pdsolve.results import Families, Results, ResultsError
@@ -135,8 +140,8 @@ def compute_front_intensities(
             for front_place, wide, solid in zip(points.front_places, per_point, solids, strict=True)
         ]
         refused = _no_room_reasons(points, room, ratio, tube_radii)
-        has_yielded = at.work is not None
-        series.append(_collect_intensities(results, step, f"front {number}", points, got, solids, refused, has_yielded))
+        J_alone = at.work is not None or is_orthotropic(results)
+        series.append(_collect_intensities(results, step, f"front {number}", points, got, solids, refused, J_alone))
     return series
 
 
@@ -201,8 +206,7 @@ def _sample_fields_of_nodes(results: Results, step: int, rows: NDArray[np.int64]
     if "sxx" in results.stored(step):
         stress = vector(results, "stress", step)[rows]
     else:
-        every = elastic_constants_of_nodes(results, step)
-        stress = hooke(strain, every._replace(E=every.E[rows], nu=every.nu[rows]))
+        stress = hooke(strain, elastic_constants_of_nodes(results, step).at(rows))
     work = stress_work_if_yielded(results, step)
     parts = (
         _symmetric_tensors_of_six_components(strain),
@@ -229,13 +233,13 @@ def _collect_intensities(
     tube_integrals: list[list[FrontParameters]],
     solids: list[Elastic],
     no_room_reasons: tuple[str, ...],
-    has_yielded: bool,
+    J_alone: bool,
 ) -> FrontIntensities:
     """The values of a front; of a body that has yielded, J alone has a meaning."""
-    value, low, high = value_and_band(NAMES, tube_integrals, [has_yielded] * len(tube_integrals))
+    value, low, high = value_and_band(NAMES, tube_integrals, [J_alone] * len(tube_integrals))
     of_K = np.full(len(tube_integrals), np.nan)
     for at, (tubes, solid) in enumerate(zip(tube_integrals, solids, strict=True)):
-        if tubes and not has_yielded:
+        if tubes and not J_alone:
             _, K1, K2, K3 = tubes[1]
             of_K[at] = (K1**2 + K2**2) / solid.effective_modulus + K3**2 / (2 * solid.shear)
     frames = np.array([front_place.frame for front_place in points.front_places])

@@ -21,6 +21,7 @@ from pdmesh.model.material_constants import poisson
 from pdmesh.model.neighbours import tree_of
 from pdmesh.model.node_arrays import selected
 from pdmesh.model.node_fields import NodeField, columns_of, with_field
+from pdmesh.model.orthotropic import ORTHOTROPIC, WIDTH, engineering_constants, stiffness
 from pdsolve.fracture.gradients import Stiffness, curved_gradients_of, gradients_of
 from pdsolve.measures.embedded_model import physics_of, read
 from pdsolve.measures.frame_steps import scalar, vector
@@ -95,8 +96,17 @@ def elastic_constants_of_nodes(results: Results, step: int) -> Stiffness:
 
     A node that was born later has the material of the nearest initial node.
     """
-    of_nodes, materials = constants_of_nodes(results, step)
-    return Stiffness(of_nodes("E"), of_nodes("nu"), materials[0].plane)
+    of_nodes, materials, number = _materials_of_nodes(results, step)
+    elastic = Stiffness(of_nodes("E"), of_nodes("nu"), materials[0].plane)
+    if all(material.solid != ORTHOTROPIC for material in materials):
+        return elastic
+    C = np.full((len(number), WIDTH), np.nan)
+    for at, material in enumerate(materials):
+        if material.solid == ORTHOTROPIC:
+            own = number == at
+            constants = engineering_constants(material)._replace(E1=elastic.E[own], nu12=elastic.nu[own])
+            C[own] = stiffness(constants, of_nodes("angle")[own])
+    return elastic._replace(C=C)
 
 
 def thermal_strain_of_nodes(results: Results, step: int) -> NDArray[np.float64]:
@@ -143,6 +153,20 @@ def constants_of_nodes(
 
     It is that of the node's material or of the field in its place. Raises ResultsError.
     """
+    of_nodes, materials, _ = _materials_of_nodes(results, step)
+    return of_nodes, materials
+
+
+def is_orthotropic(results: Results) -> bool:
+    """Whether a material of the run is orthotropic, so that stress intensities of isotropic fields have no meaning."""
+    model = read(results, _MaterialGridFileKeys)
+    return any(one.solid == ORTHOTROPIC for one in (model.material, *(region.material for region in model.regions)))
+
+
+def _materials_of_nodes(
+    results: Results, step: int
+) -> tuple[Callable[[str], NDArray[np.float64]], tuple[Material, ...], NDArray[np.int64]]:
+    """As `constants_of_nodes`, and the number of the material of each node (n,)."""
     model, nodes = read(results, _MaterialGridFileKeys), results.nodes(0)
     varies = bool(model.regions or model.fields)
     which = np.zeros(len(nodes.ids if varies else results.rows(step)), dtype=np.int64)
@@ -157,4 +181,4 @@ def constants_of_nodes(
         values = np.array([poisson(m) if name == "nu" else getattr(m, name) or 0.0 for m in materials])[which[rows]]
         return with_field(columns_of(fields, len(which)), name, values, rows) if fields else values
 
-    return of_nodes, materials
+    return of_nodes, materials, which[rows]

@@ -4,7 +4,8 @@ Each is computed on three rings around the tip: the value is that of the middle 
 three. The fields are those of `fields` and `strain`: gradients fitted to the intact bonds, and the stress computed from
 them. In a run in time, velocities and accelerations enter too. The auxiliary fields are those of a stationary crack, so
 the intensities of a running crack are those of a stationary one with the same fields. J needs no auxiliary fields. Of a
-body that has yielded, J alone is known, from the work of its stress.
+body that has yielded, J alone is known, from the work of its stress; so it is of a body with orthotropic solids, as the
+auxiliary fields are of isotropic ones.
 """
 
 from __future__ import annotations
@@ -26,7 +27,12 @@ from pdsolve.measures.cracked_nodes import ROUND_OFF, damage_with_pre_cracks_at
 from pdsolve.measures.embedded_model import at_rest, read
 from pdsolve.measures.frame_steps import vector
 from pdsolve.measures.loaded_faces import loaded_faces_at
-from pdsolve.measures.strain import elastic_constants_of_nodes, families_without_broken_bonds, stress_work_if_yielded
+from pdsolve.measures.strain import (
+    elastic_constants_of_nodes,
+    families_without_broken_bonds,
+    is_orthotropic,
+    stress_work_if_yielded,
+)
 from pdsolve.measures.tip_surroundings import (
     TipHistory,
     TipObstacles,
@@ -51,13 +57,13 @@ class TipRingIntegrals(NamedTuple):
     rings: tuple[Ring, ...]
     ring_parameters: tuple[FractureParameters, ...]
     effective_modulus: float  # Pa, E' of the plate there: E, or E / (1 - nu^2) in plane strain
-    has_yielded: bool  # whether nodes of the plate have yielded: only J has a meaning then
+    J_alone: bool  # whether only J has a meaning: nodes of the plate have yielded, or a solid is orthotropic
 
 
 class TipIntensityHistory(NamedTuple):
     """Fracture parameters of a tip at t frames; NaN where the tip does not exist or has no room.
 
-    All but J are NaN, too, where the body has yielded.
+    All but J are NaN, too, where J alone has a meaning.
     """
 
     tip_history: TipHistory
@@ -138,14 +144,14 @@ def follow_tip_intensities(
 
 
 def value_and_band(
-    names: Sequence[str], integrals_at: Sequence[Sequence[NamedTuple]], has_yielded: Sequence[bool]
+    names: Sequence[str], integrals_at: Sequence[Sequence[NamedTuple]], J_alone_at: Sequence[bool]
 ) -> list[dict[str, NDArray[np.float64]]]:
     """Values (t,) by name of the second of three integrals, then the least and the largest of them.
 
-    Without integrals all are NaN, and all but the first name where the body has yielded.
+    Without integrals all are NaN, and all but the first name where J alone has a meaning.
     """
     columns = {name: np.full((3, len(integrals_at)), np.nan) for name in names}
-    for at, (parameters, J_alone) in enumerate(zip(integrals_at, has_yielded, strict=True)):
+    for at, (parameters, J_alone) in enumerate(zip(integrals_at, J_alone_at, strict=True)):
         for name in (names[:1] if J_alone else names) if parameters else ():
             values = [float(getattr(one, name)) for one in parameters]
             columns[name][:, at] = values[1], min(values), max(values)
@@ -195,7 +201,8 @@ class CachedFrameFields:
         elastic = Elastic(float(every.E[near]), float(every.nu[near]), every.plane)
         of = self._sampled, tip.place, tip.direction
         ring_integrals = tuple(integrals(*of, ring, elastic, self._faces) for ring in rings)
-        return TipRingIntegrals(tip, rings, ring_integrals, elastic.effective_modulus, self._sampled.work is not None)
+        J_alone = self._sampled.work is not None or is_orthotropic(self._results)
+        return TipRingIntegrals(tip, rings, ring_integrals, elastic.effective_modulus, J_alone)
 
     def _sample_fields(self, step: int) -> Sampled:
         results, nodes = self._results, self._results.nodes(step)
@@ -258,7 +265,7 @@ def _collect_intensity_history(
     value, low, high = value_and_band(
         NAMES,
         [() if rings is None else rings.ring_parameters for rings in frame_integrals],
-        [rings is not None and rings.has_yielded for rings in frame_integrals],
+        [rings is not None and rings.J_alone for rings in frame_integrals],
     )
     for at, rings in enumerate(frame_integrals):
         if rings is not None:

@@ -151,7 +151,7 @@ class TipObstacles:
         nodes = self._results.nodes(step)
         elastic = elastic_constants_of_nodes(self._results, step)
         near = nearest_node_row(nodes, tip.place)
-        other_material = (elastic.E[near] != elastic.E) | (elastic.nu[near] != elastic.nu)
+        other_material = elastic.differs_from(near)
         tips = [at.place for front in self._fronts if (at := front.tip_at(time)) is not None]
         other_tips = np.array([place for place in tips if not np.array_equal(place, tip.place)]).reshape(-1, 2)
         rooms = [UndisturbedRoom(float(self._edge.distance(shapely.Point(tip.place))), "the edge of the plate")]

@@ -160,7 +160,8 @@ def _unit(material: Material) -> Material:
     """The material on which the cost of a crack in units of its constants depends."""
     return msgspec.structs.replace(
         material, E=1.0, rho=1.0, G0=1.0, solid="linear", form="total", yield_stress=None, hardening=0.0, alpha=None,
-        T0=None,
+        T0=None, angle=0.0, E2=None, G12=None, E3=None, nu13=None, nu23=None, G13=None, G23=None,
+        strength_across=None, shear_strength=None,
     )  # fmt: skip
 
 

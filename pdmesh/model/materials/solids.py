@@ -22,5 +22,6 @@ SOLIDS = {
         SolidKind(name="svk", particles=True),
         SolidKind(name="neo hooke"),
         SolidKind(name="j2", rates=True, flows=True),
+        SolidKind(name="orthotropic"),
     )
 }

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.material_constants import lame
 from pdsolve.laws.law import INLINE, INNER
-from pdsolve.laws.materials import j2, linear, neo_hooke, svk
+from pdsolve.laws.materials import j2, linear, neo_hooke, orthotropic, svk
 from pdsolve.laws.materials.tensors import (
     added,
     compliant,
@@ -40,8 +40,8 @@ from pdsolve.laws.materials.tensors import (
 from pdsolve.laws.small_tensors import product
 from pdsolve.model import Model
 
-LINEAR, SVK, NEO_HOOKE, J2 = range(4)
-KINDS = {"linear": LINEAR, "svk": SVK, "neo hooke": NEO_HOOKE, "j2": J2}
+LINEAR, SVK, NEO_HOOKE, J2, ORTHOTROPIC = range(5)
+KINDS = {"linear": LINEAR, "svk": SVK, "neo hooke": NEO_HOOKE, "j2": J2, "orthotropic": ORTHOTROPIC}
 FLOWING = 1 / 8  # factor of silling's control, over the secant stiffness, that is enough where nodes flow
 WAN = 1.5  # factor of silling's control that is about as strong as wan's
 ALPHA_TOTAL, ALPHA_RATE = 6, 15  # where alpha is in what is remembered
@@ -51,14 +51,15 @@ class SolidColumns(NamedTuple):
     """Columns of n nodes."""
 
     kind: NDArray[np.int8]  # (n,) as above
-    first: NDArray[np.floating]  # (n,) lambda, Pa
-    shear: NDArray[np.floating]  # (n,) mu, Pa
+    first: NDArray[np.floating]  # (n,) lambda, Pa; of orthotropic nodes 0
+    shear: NDArray[np.floating]  # (n,) mu, Pa; of orthotropic nodes half the largest stress over strain
     yields: NDArray[np.floating]  # (n,) sigma_y, Pa
     hardening: NDArray[np.floating]  # (n,) H, Pa
     history: NDArray[np.floating]  # (n, 0, 7 or 16)
     plane_stress: bool
     rate: bool
     ease: float = 1.0  # of the control of deviations to flow, that of the stress being 1; see `j2`
+    ply: NDArray[np.floating] = orthotropic.NO_PLIES  # (n or 0, 17) of orthotropic nodes; see `orthotropic.columns`
 
 
 class Response(NamedTuple):
@@ -80,11 +81,15 @@ def solid_of(model: Model, kind: Any, dimension: int) -> SolidColumns:
     history = np.zeros((len(of), 16 if rate else 7 if plastic else 0))
     if rate:
         history[:, [0, 4, 8]] = 1
-    first_, shear, flow, hardening, past = (np.asarray(c, dtype=kind) for c in (*moduli, *yields, history))
     kinds = np.array([KINDS[material.solid] for material in model.materials], dtype=np.int8)[of]
+    ply, stiffest = orthotropic.columns(model, np.flatnonzero(kinds == ORTHOTROPIC))
+    if len(ply):  # of no lambda, so that lambda + 2 mu is the stiffness in plane stress, too
+        moduli = np.where(stiffest > 0, 0.0, moduli[0]), np.where(stiffest > 0, stiffest / 2, moduli[1])
+    numbers = (np.asarray(c, dtype=kind) for c in (*moduli, *yields, history, ply))
+    first_, shear, flow, hardening, past, ply = numbers
     flat = dimension == 2 and first.plane == "stress"
     factor = WAN if first.control == "wan" else first.control_factor
-    return SolidColumns(kinds, first_, shear, flow, hardening, past, flat, rate, max(1.0, factor / FLOWING))
+    return SolidColumns(kinds, first_, shear, flow, hardening, past, flat, rate, max(1.0, factor / FLOWING), ply)
 
 
 @njit(**INLINE)
@@ -113,6 +118,9 @@ def respond(solid, dt, i, h, deviation_square):  # type: ignore[no-untyped-def]
             trial, alpha, shear, solid.yields[i], solid.hardening[i], deviation_square, solid.ease
         )
         return Response(full(sigma), sigma, _with_zz(grown(h), zz), more, x)
+    if kind == ORTHOTROPIC:
+        E = orthotropic.strain(solid.ply[i], h, solid.plane_stress)
+        return _finite(orthotropic.stress(solid.ply[i], h, E), h, E, solid.plane_stress)
     return elastic(kind, h, first, shear, solid.plane_stress)
 
 
@@ -146,6 +154,9 @@ def energies(solid, dt, i, h, deviation_square):  # type: ignore[no-untyped-def]
         return contracted(E, hooke(first, shear, E)) / 2, h[0] * 0
     if kind == NEO_HOOKE:
         return neo_hooke.energy(neo_hooke.strain(h, first, shear, solid.plane_stress), first, shear), h[0] * 0
+    if kind == ORTHOTROPIC:
+        E = orthotropic.strain(solid.ply[i], h, solid.plane_stress)
+        return contracted(E, orthotropic.second_stress(solid.ply[i], E)) / 2, h[0] * 0
     e = linear.strain(h, first, shear, solid.plane_stress)
     return contracted(e, hooke(first, shear, e)) / 2, h[0] * 0
 

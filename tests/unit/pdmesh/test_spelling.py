@@ -57,6 +57,17 @@ def test_other_names_lead_to_names_that_exist() -> None:
         commands = [action.choices for action in program._actions if isinstance(action.choices, dict)]
         for parser in (program, *(command for choices in commands for command in choices.values())):
             names |= {option.removeprefix("--") for option in parser._option_string_actions}
-    values = {"bond", "ordinary", "correspondence", "j2", "brittle", "neo hooke", "svk", "explicit", "static"}
+    values = {
+        "bond",
+        "ordinary",
+        "correspondence",
+        "j2",
+        "brittle",
+        "neo hooke",
+        "orthotropic",
+        "svk",
+        "explicit",
+        "static",
+    }
     known = {name.lower().replace(" ", "_") for name in names} | {"cmap", "size", "figsize"}
     assert {own for own in OTHER_NAMES if own.lower().replace(" ", "_") not in known} <= values | {"horizon"}

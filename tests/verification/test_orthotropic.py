@@ -1,0 +1,108 @@
+"""Plies in correspondence: Young's modulus by angle, waves along both axes, stable steps, kernels, J and the space."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from plates import plate, square_grid
+from system_checks import forces, true_limit
+
+from pdmesh import Material, Run, Scene, box, build
+from pdmesh.model.document import Static
+from pdsolve import Model, simulate
+from pdsolve.options import Options
+from pdsolve.run.prepare import prepare
+
+H = 1e-3  # m
+PLY = Material(
+    E=171.4e9, E2=9.08e9, nu=0.32, G12=5.29e9, rho=1580, G0=1e3, model="correspondence", solid="orthotropic",
+    failure="none",
+)  # fmt: skip
+THICK = {"E3": 9.08e9, "nu13": 0.32, "nu23": 0.5, "G13": 5.29e9, "G23": 3e9}
+
+
+def of(**changes: Any) -> Material:
+    return msgspec.structs.replace(PLY, **changes)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("angle", "E", "nu"),
+    [(0, 171.4, 0.32), (15, 58.294, 0.3615), (30, 22.267, 0.3311), (45, 13.277, 0.2549), (60, 10.303, 0.1532),
+     (90, 9.08, 0.01695)],
+)  # fmt: skip
+def test_young_modulus_of_a_coupon_by_the_angle_of_its_fibres(angle: float, E: float, nu: float) -> None:
+    """60 x 15 mm at rest between tractions, E and nu of the middle third, GPa."""
+    run = Run(solver="static", static=Static(floating=True))
+    scene = Scene(box(0, 0, 60 * H, 15 * H), H, of(angle=angle), run=run)
+    scene = scene.load("left", traction=(-1e6, 0)).load("right", traction=(1e6, 0))
+    built = build(scene)
+    with simulate(Model(built.grid, built.settings)) as results:
+        step = int(results.frames()[0][-1])
+        at = results.nodes(step).position
+        middle = np.abs(at[:, 0] - 30 * H) < 10.1 * H
+        terms = np.column_stack([at[middle], np.ones(middle.sum())])
+        fits = [np.linalg.lstsq(terms, results.field(name, step)[middle], rcond=None)[0] for name in ("ux", "uy")]
+    assert 1e-3 / fits[0][0] == pytest.approx(E, rel=1e-3)  # measured 5.3e-4 off at 0 degrees, 2e-4 at others
+    assert -fits[1][1] / fits[0][0] == pytest.approx(nu, rel=0.04)  # measured 3.7 % off at 0, else 1 %
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("angle", "speeds"), [(0.0, (10443.8, 1829.8)), (90.0, (2403.8, 1829.8)), (30.0, (9094.3, 1972.6))]
+)
+def test_waves_along_x(angle: float, speeds: tuple[float, float]) -> None:
+    """Long waves, 60 spacings, along x: the accelerations of their displacement, in the middle of a plate."""
+    problem = prepare(plate(square_grid(91, 21), 3, material=of(angle=angle)), Options(threads=1))
+    at, wave = problem.system.model.grid.position, 2 * np.pi / (60 * H)
+    middle, size = np.abs(at - at.mean(axis=0)).max(axis=1) < 1e-6, 1e-9
+    tensor = np.zeros((2, 2))
+    for a in range(2):
+        problem.state.value[:] = 0.0
+        problem.state.value[:, a] = size * np.cos(wave * (at[:, 0] - at[:, 0].mean()))
+        tensor[:, a] = -forces(problem)[middle][0] / (PLY.rho * size * wave**2)
+    found = np.sqrt(np.linalg.eigvalsh((tensor + tensor.T) / 2))[::-1]
+    assert found == pytest.approx(speeds, rel=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("angle", [0.0, 30.0])
+def test_the_step_follows_the_stiffest_direction(angle: float) -> None:
+    """The stable step is below 2 / omega_max by at most 10 %, and a third of that of a solid with the least modulus."""
+    steps = []
+    for material in (of(angle=angle), of(E=9.08e9, nu=0.32, solid="linear")):
+        problem = prepare(plate(square_grid(15, 12), 3, material=material), Options(threads=1))
+        steps.append(problem.system.stable_time_step)
+        assert 0.9 <= steps[-1] / true_limit(problem) <= 1.0
+    assert steps[0] < steps[1] / 3
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_kernels_agree_and_a_run_is_stable(dimension: int, tmp_path: Path) -> None:
+    """Lattice and list have the same forces; momentum and energy stay over 300 of the longest steps."""
+    if dimension == 2:
+        model = plate(square_grid(20, 16), 3, material=of(angle=30.0))
+    else:
+        from node_clouds import cubic_grid
+
+        model = plate(cubic_grid(7), 2, material=of(angle=30.0, **THICK, plane="space"))
+    problems = [prepare(model, Options(threads=1, kernel=kernel)) for kernel in (None, "listed")]
+    rng = np.random.default_rng(3)
+    u = 1e-7 * rng.standard_normal(problems[0].state.value.shape)
+    pulls: list[NDArray[np.float64]] = []
+    for problem in problems:
+        problem.state.value[:] = u
+        pulls.append(forces(problem))
+    assert pulls[0] == pytest.approx(pulls[1], abs=1e-11 * np.abs(pulls[1]).max())
+    mass = (model.rho * problems[0].system.area)[:, None]
+    total = np.abs((pulls[0] / model.rho[:, None] * mass).sum(axis=0)).max()
+    assert total <= 1e-11 * np.abs(pulls[0] / model.rho[:, None] * mass).sum()
+    system, state = problems[0]
+    system.stepper.advance(state, 1, 301)
+    assert np.abs(state.value).max() < 20 * np.abs(u).max()
