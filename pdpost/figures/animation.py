@@ -67,9 +67,10 @@ def frames(
     still = hidden(shape(results, steps[0], 0.0), hide)
     box = window or box_of([shape(results, step, scale, still) for step in (steps if scale else steps[:1])])
     extremes = np.zeros(1) if largest is None else np.array([-largest, largest])
-    if largest is None and name not in colours.SHARES:
+    if largest is None:
         ranges = [_range(results, name, step, part, box) for step in steps]
-        largest, extremes = max(usual for usual, *_ in ranges) or None, np.ravel([ends for _, *ends in ranges])
+        extremes = np.ravel([ends for _, *ends in ranges])
+        largest = None if name in colours.SHARES else max(usual for usual, *_ in ranges) or None
     shot = field_figure.values_of(results, name, steps[-1], part)  # where most is torn
     words = [(colour, words.split(":")[0]) for colour, words in field_figure.explained(shot)]
     last = still._replace(grown=hidden(shape(results, steps[-1], 0.0), hide).grown)
@@ -116,7 +117,7 @@ def _in_space(
         yield from slice_figure.film(results, name, part, every, dpi, largest, progress)
         return
     steps = chosen(results, every)
-    if largest is None and name not in colours.SHARES:
+    if largest is None:
         largest, *_ = slice_figure.field_range(results, name, part, steps)
     yield from crack_render.film(results, name, part, progress(steps), clip, dpi, largest)
 

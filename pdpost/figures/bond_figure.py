@@ -37,7 +37,7 @@ def bonds(
     `window` is the part in view, m; `bond_pairs` are the bonds if the caller has them. Raises ResultsError.
     """
     step = last_frame(results) if step is None else step
-    where = shape(results, step, scale)._replace(turned=None)
+    where = shape(results, step, scale)._replace(corners=None)
     bond_pairs = read_bond_pairs(results, step) if bond_pairs is None else bond_pairs
     box = window or box_of([where])
     in_view = seen(where.position, box)[bond_pairs.node_rows].any(axis=1)

@@ -24,6 +24,8 @@ PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k", 6: "M", 9: "G"}
 MICRO = re.compile(r"(?<=[0-9] )u(?=s\b|m\b)")  # of a number's unit
 POWERS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SHARES = ("damage", "separation")  # fields of bonds that are gone
+STEPS = (0.05, 0.1, 0.2, 0.5, 1.0)  # ends of the colours of shares
+WHOLE = 1e-3  # Pa: smaller pressures have a power of ten
 USUAL = 99.5  # per cent of the nodes; colours end there where the others reach more than twice as far
 ROUND_OFF = 1e-6  # of the largest: what is so little beyond the colours is not told of
 PARTS = {"largest": "largest principal", "smallest": "smallest principal", "mises": "von Mises"}
@@ -49,20 +51,27 @@ def prefixed(largest: float) -> tuple[float, str]:
 
 
 def unit(name: str, largest: float) -> tuple[float, str]:
-    """A factor and a unit for numbers up to `largest`: with a prefix, or a power of ten where no prefix is usual."""
+    """A factor and a unit for numbers up to `largest`: with a prefix, or a power of ten where no prefix is usual.
+
+    No prefix is usual for temperatures, for 1000 s and more, for speeds of 1000 m/s and more, and for pressures and
+    stress intensities below 1 Pa.
+    """
+    if name == "K" or (name == "s" and largest >= 1):
+        return 1.0, name
+    if name.startswith("Pa") and WHOLE <= largest < 1:
+        return 1.0, name
     factor, prefix = prefixed(largest)
     power = -round(np.log10(factor))
-    if power and (not name or (power > 0 and name.startswith("m/"))):
+    unusual = not name or (power > 0 and name.startswith("m/")) or (power < 0 and name.startswith("Pa"))
+    if power and unusual:
         return factor, f"{ten_to(power)} {name}".rstrip()
     return factor, prefix + name
 
 
-def scaled(values: Iterable[np.ndarray], unit: str) -> tuple[float, str]:
-    """A factor for values and their unit with its prefix, such as 1e3 and "mm"."""
+def scaled(values: Iterable[np.ndarray], name: str) -> tuple[float, str]:
+    """A factor for values and their unit with its prefix, such as 1e3 and "mm"; see `unit`."""
     sizes = [float(np.abs(array[np.isfinite(array)]).max(initial=0.0)) for array in values]
-    largest = max(sizes, default=0.0)
-    factor, prefix = prefixed(min(largest, 1.0) if unit == "s" else largest)  # thousands of seconds have no prefix
-    return factor, prefix + unit
+    return unit(name, max(sizes, default=0.0))
 
 
 class Colours(NamedTuple):
@@ -83,12 +92,13 @@ class Colours(NamedTuple):
 
 
 def colours(name: str, part: str, values: NDArray[np.float64], largest: float | None = None) -> Colours:
-    """Range and palette of a component: damage 0 to 1, signed values symmetric about 0, others from 0.
+    """Range and palette of a component: signed values symmetric about 0, others from 0.
 
-    The range ends at `largest` or, without it, at the usual largest value; the label then names what is beyond.
+    The range ends at `largest` or, without it, at the usual largest value, for damage at a round number from the
+    largest value up; the label names what is beyond.
     """
     finite = values[np.isfinite(values)]
-    high = largest or (1.0 if name in SHARES else usual(finite))
+    high = largest or (share_end(finite) if name in SHARES else usual(finite))
     signed = fields.component_is_signed(name, part)
     low = -high if signed else 0.0
     slack = ROUND_OFF * high
@@ -111,6 +121,12 @@ def usual(values: NDArray[np.float64]) -> float:
     largest = float(size.max(initial=0.0))
     most = float(np.percentile(size, USUAL)) if len(size) else 0.0
     return most if 0 < 2 * most < largest else largest
+
+
+def share_end(values: NDArray[np.float64]) -> float:
+    """Upper end of the colours of shares (k,): the first of `STEPS` that none exceeds; 1 where all are 0."""
+    largest = float(values.max(initial=0.0))
+    return next((end for end in STEPS if 0 < largest <= end * (1 + ROUND_OFF)), 1.0)
 
 
 def mappable(shown: Colours) -> ScalarMappable:

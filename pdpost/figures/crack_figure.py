@@ -34,6 +34,7 @@ Chart: TypeAlias = Callable[[list[Numbered], Axes, CrackPathSummary], None]
 
 SHOWN = 6  # main branches with a curve of their own
 SLOW = 0.25  # of the Rayleigh speed: slower cracks have an axis of their own
+SHORT = "0.25"  # colour of branches without a curve of their own
 PALE, DARK = 0.06, 0.66  # greys of what is whole and of what is broken
 
 
@@ -58,20 +59,24 @@ def crack(results: Results, summary: CrackPathSummary | None = None, window: Box
         return figure
     long = [branch for branch in summary.branches if branch.length >= LONG * summary.branches[0].length][:SHOWN]
     for branch in summary.branches[len(long) :]:
-        _path(on, branch, color="0.25", lw=1.0)
+        _path(on, branch, color=SHORT, lw=1.0)
     shown = sorted(enumerate(long), key=lambda one: (one[1].length_along_crack[0], one[1].passing_time[-1]))
     for number, branch in shown:
         _path(on, branch, lw=1.5, **look(number))
-    keys = [Line2D([], [], lw=1.5, label=f"branch {number}", **look(number)) for number in range(len(long))]
-    keys = keys if len(keys) > 1 else []
+    names = [f"branch {number}" for number in range(len(long))] if len(long) > 1 else ["path of the crack"]
+    keys = [Line2D([], [], lw=1.5, label=name, **look(number)) for number, name in enumerate(names)]
+    if len(summary.branches) > len(long):
+        keys.append(Line2D([], [], color=SHORT, lw=1.0, label="short branches"))
     if summary.forks:
         forks = on.factor * np.array([fork.place for fork in summary.forks]).T
-        plate.plot(*forks, "o", ms=4.5, mfc="white", mec="black", mew=0.8, zorder=6)
+        circle: dict[str, Any] = {"ls": "", "marker": "o", "ms": 4.5, "mfc": "white", "mec": "black", "mew": 0.8}
+        plate.plot(*forks, zorder=6, **circle)
+        keys.append(Line2D([], [], label="fork", **circle))
     if not all(branch.is_narrow.all() for branch in summary.branches):
-        keys.append(Line2D([], [], ls=":", color="0.25", lw=1.0, label="wider than a crack"))
-    if keys:  # on no branch
-        columns = 2 if narrow() else 4
-        figure.legend(handles=keys, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
+        keys.append(Line2D([], [], ls=":", color=SHORT, lw=1.0, label="wider than a crack"))
+    drawn, _ = plate.get_legend_handles_labels()  # pre-cracks
+    columns = 2 if narrow() else 4
+    figure.legend(handles=[*drawn, *keys], loc="outside lower center", ncols=columns, frameon=False, fontsize="small")
     for draw, axes in zip(charts, places, strict=True):
         draw(shown, axes, summary)
         axes.set_xlim(places[0].get_xlim())

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.colors import to_rgba
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d import Axes3D
 from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
+from numpy.typing import NDArray
 
 from pdmesh.plain_figure import Figure
 from pdpost.figures.charts import WIDTH, look, plain
 from pdpost.figures.colours import Opening, opening_colours, scaled
 from pdsolve.measures.crack_3d import CrackSurfaceSummary
+from pdsolve.measures.crack_fronts import line_length
 from pdsolve.measures.frame_steps import time_text
 from pdsolve.results import Results
 
@@ -18,6 +23,8 @@ VIEW = (25.0, -60.0)  # degrees: height and turn of the eye
 LIGHT = np.array([-0.35, -0.45, 0.82])  # from where the light comes
 DARKEST = 0.45  # of a face along the light
 AROUND = 0.4  # of the largest extent of the cracks: what is shown beside them
+LONG = 0.4  # of the root of the area that opened: the shortest line of the front that is drawn
+TALL, FLATTEST, CHARTS, ZOOM = 5.4, 0.55, 2.3, 0.95  # inches: of the body, least share of it, and of the charts
 TICKS = 6  # along the longest side
 OLD, FRONT, BOX = "0.75", "black", "0.6"  # colours of pre-cracks, of the front and of the body's box
 ENDS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
@@ -27,8 +34,10 @@ SIDES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4),
 def crack_surface(results: Results, summary: CrackSurfaceSummary) -> Figure:
     """The surface of the cracks in a body and, once something opened, area and energy per area over time."""
     opened = bool(summary.surface.face_opened_during_run.any())
-    figure = Figure(figsize=(WIDTH, 8.0 if opened else 5.5), layout="constrained")
-    grid = figure.add_gridspec(2 if opened else 1, 2, height_ratios=(2.6, 1) if opened else (1,))
+    low, high = _seen_box(results, summary)
+    tall = TALL * float(np.clip((high - low)[2] / (high - low)[:2].max(), FLATTEST, 1.0))
+    figure = Figure(figsize=(WIDTH, tall + CHARTS * opened), layout="constrained")
+    grid = figure.add_gridspec(2 if opened else 1, 2, height_ratios=(tall, CHARTS) if opened else (1,))
     axes = figure.add_subplot(grid[0, :], projection="3d")
     assert isinstance(axes, Axes3D)
     colours = _surface(axes, results, summary)
@@ -45,19 +54,39 @@ def crack_surface(results: Results, summary: CrackSurfaceSummary) -> Figure:
         release.plot(summary.frame_time * second, summary.dissipated_energy_per_area / summary.G0, lw=1.3, **look(1))
         release.axhline(1.0, color="0.5", lw=0.8, ls=":")
         release.set(xlabel=f"time, {seconds}", ylabel="dissipated / area / G₀", ylim=(0, None))
+    keys: list[Artist] = []
+    if not summary.surface.face_opened_during_run.all():
+        keys.append(Patch(color=OLD, label="pre-crack"))
+    if _long_front_lines(summary):
+        keys.append(Line2D([], [], color=FRONT, lw=1.0, label="crack front"))
+    if keys:
+        axes.legend(handles=keys, loc="upper left", frameon=False, fontsize="small")
     return figure
+
+
+def _seen_box(results: Results, summary: CrackSurfaceSummary) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Lower and upper corner (3,), m, of the part of the body around the cracks."""
+    surface, nodes = summary.surface, results.nodes(0)
+    half = nodes.delta[:, None] / 2
+    low, high = (nodes.position - half).min(axis=0), (nodes.position + half).max(axis=0)
+    if len(surface.face_corners):
+        ends = surface.corners.min(axis=0), surface.corners.max(axis=0)
+        around = AROUND * float(np.max(ends[1] - ends[0]))
+        low, high = np.maximum(low, ends[0] - around), np.minimum(high, ends[1] + around)
+    return low, high
+
+
+def _long_front_lines(summary: CrackSurfaceSummary) -> list[NDArray[np.float64]]:
+    """Lines (k, 3), m, of the front that are long beside the crack; others surround single faces that did not open."""
+    surface = summary.surface
+    side = float(np.sqrt(surface.face_area[surface.face_opened_during_run].sum()))
+    return [line for line in summary.front_lines if line_length(line) >= LONG * side]
 
 
 def _surface(axes: Axes3D, results: Results, summary: CrackSurfaceSummary) -> Opening:
     """Draw the faces, the front and the box of the body; returns the colours of what opened."""
     surface = summary.surface
-    nodes = results.nodes(0)
-    half = nodes.delta[:, None] / 2
-    low, high = (nodes.position - half).min(axis=0), (nodes.position + half).max(axis=0)
-    if len(surface.face_corners):  # the part of the body around the cracks
-        ends = surface.corners.min(axis=0), surface.corners.max(axis=0)
-        around = AROUND * float(np.max(ends[1] - ends[0]))
-        low, high = np.maximum(low, ends[0] - around), np.minimum(high, ends[1] + around)
+    low, high = _seen_box(results, summary)
     metre, metres = scaled([low, high], "m")
     opening = opening_colours(surface)
     colours = opening.painted.to_rgba(surface.opening_time * opening.factor)
@@ -71,9 +100,9 @@ def _surface(axes: Axes3D, results: Results, summary: CrackSurfaceSummary) -> Op
         axes.add_collection3d(
             Poly3DCollection(quads * metre, facecolors=colours, edgecolors=colours, linewidths=0.2, zorder=1)
         )
-    front = [line * metre for line in summary.front_lines]
-    if front:  # else it has crossed the body, or opened nothing
-        axes.add_collection3d(Line3DCollection(front, colors=FRONT, linewidths=1.0, zorder=2))
+    if front := _long_front_lines(summary):
+        lines = [line * metre for line in front]
+        axes.add_collection3d(Line3DCollection(lines, colors=FRONT, linewidths=1.0, zorder=2))
     box = (low + ENDS * (high - low)) * metre
     axes.add_collection3d(Line3DCollection([box[list(side)] for side in SIDES], colors=BOX, linewidths=0.6, zorder=0))
     axes.computed_zorder = False
@@ -83,7 +112,7 @@ def _surface(axes: Axes3D, results: Results, summary: CrackSurfaceSummary) -> Op
         axes.locator_params(
             axis=name, nbins=max(2, round(TICKS * (upper - lower) / float(np.ptp([low, high], axis=0).max() * metre)))
         )
-    axes.set_box_aspect(high - low)
+    axes.set_box_aspect(high - low, zoom=ZOOM)
     axes.view_init(*VIEW)
     axes.grid(visible=False)
     return opening

@@ -83,7 +83,7 @@ def explained(shown: Shown, where: NDArray[np.bool_] | bool = True) -> list[tupl
     unknown = where & ~shown.torn & ~np.isfinite(shown.values)
     entries = []
     for colour, nodes, words in (
-        (TORN, where & shown.torn, f"left out, separation above {CRACKED:g}"),
+        (TORN, where & shown.torn, f"left out, more than {CRACKED:g} of the bonds gone"),
         (UNKNOWN, unknown, "too few bonds for a value"),
     ):
         if nodes.any():

@@ -7,12 +7,11 @@ from typing import NamedTuple
 
 import matplotlib
 import numpy as np
-from matplotlib.patches import Patch
 
 from pdmesh.plain_figure import Figure
 from pdpost.figures import colours, field_figure
 from pdpost.figures.raster import Box
-from pdpost.figures.sheets import border, box_of, hidden, mark, on_axes, paint, seen, shape
+from pdpost.figures.sheets import border, box_of, hidden, mark, on_axes, paint, patch, seen, shape
 from pdpost.figures.style import narrow
 from pdsolve.measures import fields
 from pdsolve.measures.embedded_model import moment
@@ -91,7 +90,7 @@ def panels(
     )
     handles, _ = panel_axes[0].get_legend_handles_labels()
     patches = [(colour, words.split(":")[0]) for shot in shots for colour, words in field_figure.explained(shot)]
-    handles += [Patch(color=colour, label=words) for colour, words in dict.fromkeys(patches)]
+    handles += [patch(colour, words) for colour, words in dict.fromkeys(patches)]
     if handles:
         columns = 1 if narrow() else 3
         figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, fontsize="small")

@@ -73,16 +73,13 @@ def _painted(
 
 
 def outlines(
-    cell: VoronoiCells, position: NDArray[np.float64], turned: NDArray[np.float64] | None, factor: float
+    cell: VoronoiCells, position: NDArray[np.float64], corners: NDArray[np.float64] | None, factor: float
 ) -> list[Curve]:
     """The cells as curves (n) around nodes at `position` (n, 2), m, with lengths multiplied by `factor`.
 
-    `turned` (n, 2, 2) is the linear map of each cell.
+    `corners` (c, 2) are the offsets of the corners from their nodes, m; by default those of the cells.
     """
-    corners = (
-        cell.corner_offsets if turned is None else np.einsum("cab,cb->ca", turned[cell.node_rows], cell.corner_offsets)
-    )
-    placed = factor * (corners + position[cell.node_rows])
+    placed = factor * ((cell.corner_offsets if corners is None else corners) + position[cell.node_rows])
     codes = np.full(len(placed), Curve.LINETO, dtype=np.uint8)
     codes[np.append(True, cell.is_last_of_ring)[:-1]] = Curve.MOVETO
     codes[cell.is_last_of_ring] = Curve.CLOSEPOLY

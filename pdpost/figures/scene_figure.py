@@ -74,7 +74,7 @@ def nodes(results: Results, step: int | None = None, *, scale: float = 0.0, wind
     meshes have, get a colour bar instead of a legend. `window` is the part in view, m. Raises ResultsError.
     """
     step = last_frame(results) if step is None else step
-    where = shape(results, step, scale)._replace(turned=None)
+    where = shape(results, step, scale)._replace(corners=None)
     spacings, level = np.unique(where.delta.round(12), return_inverse=True)
     few = len(spacings) <= len(SHADES)
     on = sheet(window or box_of([where]), bar=not few)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import shapely
-from matplotlib import rcParams
+from matplotlib import rc_context, rcParams
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
@@ -21,8 +21,9 @@ from pdmesh.model.neighbours import tree_of
 from pdmesh.plain_figure import Figure
 from pdpost.figures import raster
 from pdpost.figures.colours import prefixed
+from pdpost.figures.deformed_cells import deformed_corner_offsets
 from pdpost.figures.raster import Box, around, outlines
-from pdpost.figures.style import BLACK, EDGE, GROWN, THICK, THIN, TORN, narrow
+from pdpost.figures.style import BLACK, EDGE, GROWN, THICK, THIN, TORN, UNKNOWN, narrow
 from pdsolve.fracture.crack_particles import arms, until
 from pdsolve.fracture.gradients import gradients_of
 from pdsolve.measures import plate_geometry
@@ -38,6 +39,9 @@ SHOWN = 0.05  # of the plate: how far displacements move nodes where the scale i
 MARGIN = 0.01  # of the plate, around it
 TORN_APART = 2.0  # spacings between two places a spacing apart, where a crack lies between them
 ROOM = 0.2  # of the plate, around it, for what is displaced
+STRETCHED = 0.75  # spacings: half of what nodes are apart at most where no gap is seen between them
+HATCHES = {TORN: "////", UNKNOWN: "xxxx"}  # of what is left out
+INK, HATCHED = "0.35", 0.5  # colour and width, points, of these lines
 
 
 class Shape(NamedTuple):
@@ -48,7 +52,7 @@ class Shape(NamedTuple):
     reference: NDArray[np.float64]  # (n, 2) m, where they were
     delta: NDArray[np.float64]  # (n,) m
     cells: VoronoiCells | None  # None where there are too many to draw them one by one
-    turned: NDArray[np.float64] | None  # (n, 2, 2) what becomes of their cells; None: nothing
+    corners: NDArray[np.float64] | None  # (c, 2) m, offsets of the deformed cells' corners; None: as they were
     scale: float  # what their displacement is multiplied by
     epoch: int  # the first step with these nodes
     grown: NDArray[np.float64] = np.zeros((0, 2, 2))  # (k, 2, 2) m: arms of cracks that are particles, grown by now
@@ -76,14 +80,16 @@ def shape(results: Results, step: int, scale: float, still: Shape | None = None)
         still = Shape(on, nodes.position, nodes.position, nodes.delta, node_cells, None, 0.0, epoch)
     still = still._replace(grown=arms(until(results.particles(), step), after=0).reshape(-1, 2, 2))
     if not scale:
-        return still._replace(position=nodes.position, turned=None, scale=0.0)
-    displacements = displacement(results, step)
-    turned = None
+        return still._replace(position=nodes.position, corners=None, scale=0.0)
+    displacements, corners = displacement(results, step), None
+    position = nodes.position + scale * displacements
     if still.cells is not None:
         families = families_without_broken_bonds(results, results.families(step), step)
-        turned = np.eye(2) + scale * gradients_of(nodes.position, nodes.area, displacements, *families)
-        turned[~np.isfinite(turned).all(axis=(1, 2)) | (np.abs(turned).max(axis=(1, 2)) > 2)] = np.eye(2)
-    return still._replace(position=nodes.position + scale * displacements, turned=turned, scale=scale)
+        gradients = np.eye(2) + scale * gradients_of(nodes.position, nodes.area, displacements, *families)
+        unusable = ~np.isfinite(gradients).all(axis=(1, 2)) | (np.abs(gradients).max(axis=(1, 2)) > 2)
+        gradients[unusable] = np.eye(2)
+        corners = deformed_corner_offsets(still.cells, nodes.position, position, nodes.delta, gradients, families)
+    return still._replace(position=position, corners=corners, scale=scale)
 
 
 def hidden(nodes: Shape, names: Collection[str]) -> Shape:
@@ -164,7 +170,7 @@ def on_axes(axes: Axes, box: Box) -> Sheet:
 
 def painted_cells(on: Sheet, nodes: Shape) -> list[Curve]:
     """The nodes' cells as curves on the sheet; none where they are not drawn one by one."""
-    return [] if nodes.cells is None else outlines(nodes.cells, nodes.position, nodes.turned, on.factor)
+    return [] if nodes.cells is None else outlines(nodes.cells, nodes.position, nodes.corners, on.factor)
 
 
 def paint(
@@ -177,32 +183,39 @@ def paint(
 ) -> list[Artist]:
     """Draw each node's cell, coloured by its value (n,) through `colours`.
 
-    Nodes without a value are dark grey, those marked in `torn` (n,) light grey. `painted` are the cells' curves, if
-    they are known.
+    Nodes without a value are dark grey, those marked in `torn` (n,) light grey, both hatched. `painted` are the cells'
+    curves, if they are known.
     """
     torn = np.zeros(len(values), dtype=bool) if torn is None else torn
     values = np.where(torn, np.nan, values)
+    left_out = {TORN: torn, UNKNOWN: ~torn & ~np.isfinite(values)}
     if nodes.cells is None:
         mean, covered = _filled(on, nodes, values)
         image = colours.to_rgba(np.ma.masked_invalid(mean), bytes=True)
-        if torn.any():
-            share, _ = _filled(on, nodes, torn.astype(float))
-            image[(share > 0) & np.isnan(mean)] = np.array(to_rgba(TORN)) * 255
         image[~covered] = 0
-        return [show(on, image, nodes)]
+        artists = []
+        for colour, mask in left_out.items():
+            if mask.any():
+                share, _ = _filled(on, nodes, mask.astype(float))
+                hatched = (share > 0) & np.isnan(mean)
+                image[hatched] = np.array(to_rgba(colour)) * 255
+                artists.append(_hatch(on, hatched, HATCHES[colour]))
+        return [show(on, image, nodes), *artists]
     painted = painted_cells(on, nodes) if painted is None else painted
-    artists: list[Artist] = [
-        _cells(on, painted, array=np.ma.masked_invalid(values), cmap=colours.cmap, norm=colours.norm)
-    ]
-    if torn.any():
-        artists.append(_cells(on, [painted[row] for row in np.flatnonzero(torn)], facecolors=TORN))
+    artists = [_cells(on, painted, array=np.ma.masked_invalid(values), cmap=colours.cmap, norm=colours.norm)]
+    for colour, mask in left_out.items():
+        if mask.any():
+            shapes = [painted[row] for row in np.flatnonzero(mask)]
+            artists.append(_cells(on, shapes, facecolors=colour))
+            together = [Curve.make_compound_path(*shapes)]
+            artists.append(_cells(on, together, facecolors="none", edgecolors=INK, linewidths=0, hatch=HATCHES[colour]))
     return artists
 
 
 def tint(on: Sheet, nodes: Shape, colours: NDArray[np.float64], **lines: Any) -> None:
     """Draw each node's cell in its own colour (n, 3); `lines` are matplotlib's settings for the cells' edges."""
     if nodes.cells is not None:
-        _cells(on, outlines(nodes.cells, nodes.position, nodes.turned, on.factor), facecolors=colours, **lines)
+        _cells(on, outlines(nodes.cells, nodes.position, nodes.corners, on.factor), facecolors=colours, **lines)
         return
     layers = [_filled(on, nodes, layer) for layer in colours.T]
     alpha = layers[0][1].astype(float)
@@ -276,7 +289,7 @@ def border(on: Sheet, nodes: Shape) -> list[Artist]:
 def legend(on: Sheet, *patches: tuple[str, str], columns: int = 3) -> None:
     """Put a legend below the plate for its lines and for patches (colour, words)."""
     handles, _ = on.axes.get_legend_handles_labels()
-    handles += [Patch(color=colour, label=words) for colour, words in patches]
+    handles += [patch(colour, words) for colour, words in patches]
     if handles:
         place = on.axes.get_position()
         low = place.y0 - 0.42 / on.figure.get_figheight()
@@ -289,6 +302,12 @@ def legend(on: Sheet, *patches: tuple[str, str], columns: int = 3) -> None:
             frameon=False,
             fontsize=8,
         )
+
+
+def patch(colour: str, words: str) -> Patch:
+    """A patch of a legend, hatched as what is left out is."""
+    hatch = HATCHES.get(colour)
+    return Patch(fc=colour, ec=INK if hatch else colour, lw=0, hatch=hatch and 2 * hatch, label=words)
 
 
 def show(on: Sheet, painted: NDArray[np.generic], nodes: Shape) -> Artist:
@@ -315,16 +334,34 @@ def _cells(on: Sheet, painted: list[Curve], **more: Any) -> PathCollection:
     return collection
 
 
+def _hatch(on: Sheet, hatched: NDArray[np.bool_], hatch: str) -> Artist:
+    """Hatch the pixels (rows, columns) of the sheet's box that are marked."""
+    x0, y0, x1, y1 = (edge * on.factor for edge in on.box)
+    rows, columns = hatched.shape
+    x = x0 + (np.arange(columns) + 0.5) / columns * (x1 - x0)
+    y = y0 + (np.arange(rows) + 0.5) / rows * (y1 - y0)
+    with rc_context({"hatch.color": INK, "hatch.linewidth": HATCHED}):
+        return on.axes.contourf(x, y, hatched.astype(float), [0.5, 1.5], colors="none", hatches=[hatch], zorder=1.5)
+
+
 def _filled(on: Sheet, nodes: Shape, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """`raster.averages` of the sheet's box, with empty pixels of the plate filled from the nearest node."""
+    """`raster.averages` of the sheet's box, with empty pixels of the plate filled from the nearest node.
+
+    Of displaced nodes, those pixels are filled that are nearer than `STRETCHED` spacings.
+    """
     mean, covered = raster.averages(nodes.position, nodes.delta, values, on.box, pixels(on))
-    if nodes.scale or not nodes.plate.outline_and_holes or covered.all():
+    if covered.all() or not (nodes.scale or nodes.plate.outline_and_holes):
         return mean, covered
     rows, columns = np.nonzero(~covered)
     low, high = np.array(on.box[:2]), np.array(on.box[2:])
     middle = low + (np.column_stack([columns, rows]) + 0.5) / covered.shape[::-1] * (high - low)
-    bare = shapely.dwithin(nodes.plate.plate_shape, shapely.points(middle), float((high - low)[0]) / covered.shape[1])
-    _, nearest = tree_of(nodes.position).query(middle[bare])
+    distance, nearest = tree_of(nodes.position).query(middle)
+    if nodes.scale:
+        bare = distance <= STRETCHED * nodes.delta[nearest]
+    else:
+        wide = float((high - low)[0]) / covered.shape[1]
+        bare = shapely.dwithin(nodes.plate.plate_shape, shapely.points(middle), wide)
+    nearest = nearest[bare]
     mean[rows[bare], columns[bare]] = values[nearest]
     covered[rows[bare], columns[bare]] = True
     return mean, covered

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from typing import Any
 
 import numpy as np
 from matplotlib.artist import Artist
@@ -10,10 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgba
 from numpy.typing import NDArray
 
 from pdmesh.plain_figure import Figure
-from pdpost.figures.colours import SHARES, Colours, at, caption, colours, mappable, scaled, usual
+from pdpost.figures.colours import SHARES, Colours, at, caption, colours, mappable, scaled, share_end, usual
+from pdpost.figures.sheets import HATCHES, INK, patch
+from pdpost.figures.style import TORN
 from pdsolve.measures.frame_steps import chosen
 from pdsolve.measures.slices import (
     AXES,
@@ -49,6 +53,7 @@ def plane(
     figure.colorbar(painted, ax=axes, label=range_of.full_label, extend=range_of.beyond)
     _named(axes, section, metres)
     axes.set_title(f"{caption(name, part)} at {_place(section, metre, metres)} {at(results, step)}")
+    _explain(figure, int((~np.isfinite(section.values)).sum()))
     return figure
 
 
@@ -84,7 +89,7 @@ class Sections:
             section = slice_field_values_by_plane(
                 self._results, shown, step, axis, float(self._middle[AXES.index(axis)])
             )
-            painted.append(_paint(axes, section, self._range, self._colours, self._metre))
+            painted += _paint(axes, section, self._range, self._colours, self._metre)
             _named(axes, section, self._metres)
             axes.set_title(_place(section, self._metre, self._metres), fontsize="small")
             rows = [AXES.index(letter) for letter in section.plane_axes]
@@ -100,6 +105,7 @@ def sections(
     """Values (n,) of the component `part` of a field on three planes through the middle of a body."""
     planes = Sections(results, name, part, colours(name, part, shown, largest))
     planes.draw(step, shown)
+    _explain(planes.figure, int((~np.isfinite(shown)).sum()))
     return planes.figure
 
 
@@ -115,10 +121,12 @@ def film(
     """Pictures of `sections` for every `every`-th frame with one colour range, in the format of `animation.frames`."""
     steps = chosen(results, every)
     extremes = np.zeros(1) if largest is None else np.array([-largest, largest])
-    if largest is None and name not in SHARES:
+    if largest is None:
         largest, *ends = field_range(results, name, part, steps)
         extremes = np.array(ends)
     planes = Sections(results, name, part, colours(name, part, extremes, largest))
+    last = reliable_field_values(results, name, steps[-1], part or None)  # where most is left out
+    _explain(planes.figure, int((~np.isfinite(last)).sum()))
     canvas = FigureCanvasAgg(planes.figure)
     planes.figure.set_dpi(dpi)
     for step in progress(steps):
@@ -136,15 +144,33 @@ def field_range(results: Results, name: str, part: str, steps: list[int]) -> tup
         for array in (reliable_field_values(results, name, step, part or None) for step in steps)
     ]
     ends = [(float(array.min(initial=0.0)), float(array.max(initial=0.0))) for array in frame_values]
-    return max(map(usual, frame_values)) or None, min(low for low, _ in ends), max(high for _, high in ends)
+    shares = np.array([high for _, high in ends])
+    largest = share_end(shares) if name in SHARES else max(map(usual, frame_values)) or None
+    return largest, min(low for low, _ in ends), max(high for _, high in ends)
 
 
-def _paint(axes: Axes, section: FieldSlice, range_of: Colours, painted: ScalarMappable, metre: float) -> PolyCollection:
+def _paint(
+    axes: Axes, section: FieldSlice, range_of: Colours, painted: ScalarMappable, metre: float
+) -> list[PolyCollection]:
+    """Draw the squares of a plane; those without a value are hatched."""
     squares = (section.plane_coordinates[:, None, :] + section.spacing[:, None, None] * CORNERS) * metre
     paint = painted.to_rgba(np.ma.masked_invalid(section.values * range_of.factor))
-    collection = PolyCollection(squares, facecolors=paint, edgecolors=paint, linewidths=0.2)
-    axes.add_collection(collection)
-    return collection
+    left_out = ~np.isfinite(section.values)
+    paint[left_out] = to_rgba(TORN)
+    collections = [PolyCollection(squares, facecolors=paint, edgecolors=paint, linewidths=0.5)]
+    if left_out.any():
+        how: dict[str, Any] = {"facecolors": "none", "edgecolors": INK, "linewidths": 0, "hatch": HATCHES[TORN]}
+        collections.append(PolyCollection(squares[left_out], **how))
+    for collection in collections:
+        axes.add_collection(collection)
+    return collections
+
+
+def _explain(figure: Figure, left_out: int) -> None:
+    """Put a legend on the figure for the number of squares left out, if there are some."""
+    if left_out:
+        key = patch(TORN, f"left out, most bonds gone or no value: {left_out} nodes")
+        figure.legend(handles=[key], loc="outside lower center", frameon=False, fontsize="small")
 
 
 def _named(axes: Axes, section: FieldSlice, metres: str) -> None:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 
 from pdmesh.files import FilePath
 from pdmesh.plain_figure import Figure
@@ -25,6 +28,7 @@ from pdsolve.results import Results
 
 WIDE = 0.15  # of the room between two values: how far the dots of several series are set apart
 ASIDE = 0.12  # of the length of an axis: left beside its first and last value
+GREY = "0.35"  # of marks in the legend
 FEW = 6  # values that are all written at the axis
 LOGARITHMIC = 20.0  # largest over smallest value of an axis that counts in powers
 
@@ -49,10 +53,22 @@ def panels_of(study: Read, measured: Mapping[str, Sequence[StudyRunGroup]], over
         _panel(panel, study, name, measure_spreads, over)
     for panel in panels[len(measured) :]:
         panel.remove()
-    handles, labels = panels[0].get_legend_handles_labels()
-    if any(labels):
-        figure.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
+    handles, _ = panels[0].get_legend_handles_labels()
+    spreads = [spread for listed in measured.values() for spread in listed]
+    handles += _marks([len(spread.known_values) for spread in spreads])
+    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
     return figure
+
+
+def _marks(runs: Sequence[int]) -> list[Artist]:
+    """Legend entries for the marks of a panel, of which each stands for this number of runs."""
+    dot: dict[str, Any] = {"color": GREY, "ls": "", "marker": "o", "ms": 3.5, "alpha": 0.6, "mew": 0}
+    if max(runs, default=0) < 2:
+        return [Line2D([], [], label="a run", **dot)]
+    bar: dict[str, Any] = {"color": GREY, "ls": "", "marker": "_", "ms": 9, "mew": 1.6}
+    spread: dict[str, Any] = {"color": GREY, "ls": "", "marker": "|", "ms": 9, "mew": 1.0}
+    words = ((dot, "a run"), (bar, "median of the runs"), (spread, "smallest to largest"))
+    return [Line2D([], [], label=label, **style) for style, label in words]
 
 
 def _panel(axes: Axes, study: Read, name: str, measure_spreads: Sequence[StudyRunGroup], over: str | None) -> None:

@@ -26,6 +26,7 @@ STYLE: dict[str, Any] = {
     "axes.linewidth": 0.6,
     "xtick.major.width": 0.6,
     "ytick.major.width": 0.6,
+    "hatch.linewidth": 0.5,
     "axes.titlesize": 9,
     "savefig.bbox": "tight",  # cut to what is drawn; "standard": exactly as wide as figure.figsize
     "savefig.dpi": 200,

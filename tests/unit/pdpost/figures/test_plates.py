@@ -164,7 +164,7 @@ def test_a_deformed_plate_keeps_its_cells(bored: Path) -> None:
         u = sheets.displacement(results, 20)
     one, other = (figure.axes[0].collections[0].get_paths() for figure in (still, moved))
     way = np.array([b.vertices.mean(axis=0) - a.vertices.mean(axis=0) for a, b in zip(one, other, strict=True)])
-    assert np.abs(way - 2e7 * u).max() < 0.5  # of 2 mm: corners turn with their nodes
+    assert np.abs(way - 2e7 * u).max() < 1.0  # of 2 mm: corners are where neighbours have them too
     assert np.abs(way).max() > 2
     edges = [lines for lines in moved.axes[0].collections if isinstance(lines, LineCollection)]
     assert all(lines.get_linestyle()[0][1] is not None for lines in edges)

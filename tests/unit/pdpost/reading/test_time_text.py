@@ -66,6 +66,14 @@ def test_slow_runs_are_in_seconds() -> None:
     assert scaled([np.array([34e3])], "m") == (1e-3, "km")
 
 
+def test_pressures_have_engineering_prefixes() -> None:
+    """Pa, kPa, MPa and GPa; below a thousandth of 1 Pa a power of ten; temperatures have no prefix."""
+    units = [scaled([np.array([-size])], "Pa")[1] for size in (0.7, 3.0, 4e4, 2e8, 7e10, 2e-5)]
+    assert units == ["Pa", "Pa", "kPa", "MPa", "GPa", "10⁻⁶ Pa"]
+    assert scaled([np.array([0.2])], "Pa√m") == (1.0, "Pa√m")
+    assert scaled([np.array([1500.0])], "K") == (1.0, "K")
+
+
 def test_a_run_at_rest_counts_load_steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     path = tmp_path / "beam.json"
