@@ -21,7 +21,7 @@ from pdmesh.model.amounts import way
 from pdmesh.model.output_fields import FIELDS as STORED
 from pdmesh.model.output_fields import of_dimension
 from pdmesh.plain_text import for_line
-from pdpost.figures import charts, colours, field_figure
+from pdpost.figures import colours, field_figure
 from pdpost.figures.style import COLOURS, TORN, UNKNOWN
 from pdsolve.fracture.crack_particles import arms, until
 from pdsolve.measures import balance, crack_3d, crack_summary, fields, forces, histories
@@ -261,7 +261,7 @@ def _forces(results: Results) -> list[dict[str, Any]]:
         curves.append(Curve(f"{one.name} ({one.kind}), {'xyz'[axis]}", one.time, x, one.force[:, axis]))
     if rest:  # what hardly moves has no curve
         most = max(float(np.ptp(curve.x)) for curve in curves)
-        curves = [curve for curve in curves if np.ptp(curve.x) >= charts.STILL * most]
+        curves = [curve for curve in curves if np.ptp(curve.x) >= forces.STILL * most]
     title, x_axis = ("Force and displacement", ("mean displacement", "m")) if rest else ("Forces", _time(results))
     return [_chart(title, x_axis, ("force", unit), curves)]
 

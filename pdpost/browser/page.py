@@ -6,6 +6,7 @@ three.js, which draws with WebGL, is that of the package jupyter-threejs-sage (t
 from __future__ import annotations
 
 import base64
+import html
 import re
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -30,6 +31,7 @@ OFFLINE = (
 )
 FRAMES = 40  # of a file, unless the user says which
 LIMIT = 32.0  # MB of numbers in a file
+EMBEDDED = 8.0  # MB of numbers in the frame of another page
 LEAST = 0.1  # of the nodes
 USUAL = ("displacement", "energy")  # fields of a file, with the default one
 MARK, ENDS_SCRIPT = re.compile(r"<!--(\w+)-->"), re.compile("</script", re.IGNORECASE)
@@ -127,6 +129,17 @@ def offline_page(
     scripts = [f"<script>{text}</script>" for text in sources]
     note = f"This file leaves out {chosen.left_out}." if chosen.left_out else ""
     return _page({"title": for_html(name), "policy": OFFLINE, "note": note, "scripts": "\n".join([*blocks, *scripts])})
+
+
+def embedded(results: Results, name: str) -> str:
+    """The page in a frame of another page, and how many frames of the run it has. Raises FigureError, ResultsError."""
+    selection = select(results, None, [], EMBEDDED)
+    source = html.escape(offline_page(results, name, selection))
+    return (
+        f'<iframe title="the run over time" sandbox="allow-scripts" srcdoc="{source}"'
+        ' style="width: 100%; height: 46rem; border: 1px solid var(--line)"></iframe>'
+        f"<p>{len(selection.steps)} of {selection.step_count} frames</p>"
+    )
 
 
 def _known(results: Results, address: str, most: int) -> bytes:

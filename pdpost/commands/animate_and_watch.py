@@ -103,11 +103,12 @@ def _animate(args: argparse.Namespace) -> int:
         elif kind is not None:
             film = animation.mp4(animation.frames(results, field, **how), args.rate)
     count = len(steps[::stride])
-    result = {"output": path and str(path), "field": field, "frames": count, "rate": args.rate, "end": float(times[-1])}
+    result = {"output": path and str(path), "field": field, "frames": count, "of": len(steps), "rate": args.rate}
+    result["end"] = float(times[-1])
     lines = []
     if path is not None:
         write_atomically(path, film)
-        lines.append(f"{path}: {field}, {count} frames, {len(film) / 1e6:.3g} MB")
+        lines.append(f"{path}: {field}, {count} of {len(steps)} frames, {len(film) / 1e6:.3g} MB")
     commandline.report(result, lines, args)
     return commandline.OK
 

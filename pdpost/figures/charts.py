@@ -16,7 +16,7 @@ from pdpost.figures.colours import scaled, ten_to
 from pdpost.figures.style import COLOURS
 from pdsolve.measures import fields
 from pdsolve.measures.balance import AMOUNTS, EnergyBalance, MassBalance
-from pdsolve.measures.forces import ConditionForceHistory, ForceOpeningCurve
+from pdsolve.measures.forces import STILL, ConditionForceHistory, ForceOpeningCurve
 from pdsolve.measures.histories import NodeHistory
 
 if TYPE_CHECKING:
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 
 DASHES = ("-", "--", "-.", ":")
 WIDTH = 7.0  # inches
-STILL = 1e-3  # of the largest displacement: a grip that moves less is at rest
 
 
 def look(number: int) -> dict[str, Any]:
@@ -158,6 +157,27 @@ def reactions(chosen_reactions: list[ConditionForceHistory], axis: int | None = 
     for panel in (over_time, over_way):
         plain(panel)
     figure.legend(*over_time.get_legend_handles_labels(), loc="outside upper center", ncols=3, frameon=False)
+    return figure
+
+
+def load_displacement(curves: list[ConditionForceHistory], per: str = "/m") -> Figure:
+    """Force against displacement of conditions, both along the axis of the force, with their peaks.
+
+    `per` is the end of the unit of force.
+    """
+    figure = Figure(figsize=(WIDTH, 3.8), layout="constrained")
+    axes = figure.add_subplot()
+    plain(axes)
+    newton, newtons = scaled((curve.force_along_axis for curve in curves), f"N{per}")
+    metre, metres = scaled((curve.displacement_along_axis for curve in curves), "m")
+    for number, curve in enumerate(curves):
+        style = look(number) | {"ls": ("-", (0, (4, 2)))[number % 2]}  # of curves that lie on each other both are seen
+        x, y = curve.displacement_along_axis * metre, curve.force_along_axis * newton
+        axes.plot(x, y, lw=1.4, label=f"{for_legend(curve.name)} ({curve.kind}), {'xyz'[curve.main_axis]}", **style)
+        axes.plot(x[curve.peak_index], y[curve.peak_index], "o", ms=4, color=style["color"])
+    thickness = " per thickness" if per else ""
+    axes.set(xlabel=f"mean displacement, {metres}", ylabel=f"force{thickness}, {newtons}")
+    axes.legend(frameon=False)
     return figure
 
 

@@ -1,6 +1,7 @@
 """A report of a run as one self-contained HTML page: results first, then the model and how it was solved.
 
-For bodies in space, fields are shown on planes through the middle; the scene is left out.
+A quasi-static run begins with its load-displacement curve. Maps that are zero everywhere are named and left out. For
+bodies in space, fields are shown on planes through the middle; the scene is left out.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from pdmesh.model.amounts import pair_count, way
 from pdmesh.model.suggestions import called
@@ -17,7 +19,7 @@ from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_html
 from pdpost.figures import charts, crack_figure, crack_surface_figure, field_figure
 from pdpost.figures.animation import gif
-from pdpost.figures.colours import prefixed, spelled
+from pdpost.figures.colours import prefixed, scaled, spelled
 from pdpost.figures.scene_figure import acted_on, scene
 from pdpost.figures.style import written
 from pdsolve.measures import crack_3d, crack_summary
@@ -29,13 +31,15 @@ from pdsolve.measures.balance import (
     thickness_unit_suffix,
 )
 from pdsolve.measures.embedded_model import at_rest, moment, whole
-from pdsolve.measures.fields import default_field_name
-from pdsolve.measures.forces import read_condition_force_histories
-from pdsolve.measures.frame_steps import OF_DIFFUSION, frames, has_diffusion_only
+from pdsolve.measures.fields import FIELDS as FIELDS_BY_NAME
+from pdsolve.measures.fields import default_field_name, field_values
+from pdsolve.measures.forces import moving_conditions, read_condition_force_histories, strongest
+from pdsolve.measures.frame_steps import OF_DIFFUSION, chosen, frames, has_diffusion_only
 from pdsolve.results import DamagedError, Nodes, Results, ResultsError
 
 DPI = 110
-FRAMES = 24  # of the animation
+FRAMES = 40  # of the animation, at most
+CURVES = 6  # conditions in a chart, at most
 FIELDS = ("damage", "displacement", "velocity", "acceleration", "energy", *OF_DIFFUSION)
 OF_MOTION = {"velocity", "acceleration"}  # zero in equilibrium
 UNITS = {"E": "Pa", "rho": "kg/m³", "G0": "J/m²", "D": "m²/s", "C_solid": "mol/m³", "C_sat": "mol/m³"}
@@ -65,20 +69,19 @@ PROVENANCE = {
 }
 
 
-def report(results: Results, name: str) -> str:
-    """The page, titled `name`; equal results give equal text. Raises ResultsError if there is no frame yet."""
+def report(results: Results, name: str, *, animation: str = "") -> str:
+    """The page, titled `name`; equal results give equal text. Raises ResultsError if there is no frame yet.
+
+    `animation` is HTML in place of a film.
+    """
     steps, _ = frames(results)
     model, meta, nodes = whole(results), results.meta(), results.nodes(0)
-    shown, moves, flat = (
-        default_field_name(results, int(steps[0])),
-        not has_diffusion_only(results),
-        results.dimension == 2,
-    )
-    film = gif(results, shown, every=max(1, -(-len(steps) // FRAMES)), dpi=80)
+    moves, flat = not has_diffusion_only(results), results.dimension == 2
     scene_images = [_image(scene(results, model), "the plate, its grid and its conditions")] if flat else []
     sections = [
+        *([("Load and displacement", curve)] if (curve := _load_displacement(results)) else []),
         *([("Crack", _crack(results))] if moves else []),
-        ("Animation", [_picture(film, "gif", f"{shown} over time")]),
+        ("Animation", [animation] if animation else _film(results, steps)),
         (f"Fields at {moment(results, int(steps[-1]), 'µs')}", _fields(results, int(steps[-1]))),
         ("Balance", _balance(results) if moves else _masses(results)),
         ("Scene", [*scene_images, _conditions(nodes, model)]),
@@ -91,6 +94,40 @@ def report(results: Results, name: str) -> str:
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n{VIEWPORT}'
         f"<title>{for_html(name)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{for_html(name)}</h1>\n{body}\n</body>\n</html>\n"
     )
+
+
+def _load_displacement(results: Results) -> list[str]:
+    """The curve of a quasi-static run and its peaks; nothing for other runs and where no condition moves."""
+    if not at_rest(results) or not len(results.reactions()):
+        return []
+    per = thickness_unit_suffix(results)
+    every_curve = moving_conditions(read_condition_force_histories(results))
+    if not every_curve:
+        return []
+    curves, items = strongest(every_curve, CURVES), []
+    for curve in curves:
+        peak, force, way = curve.peak_index, curve.force_along_axis, curve.displacement_along_axis
+        newton, newtons = scaled([force], f"N{per}")
+        metre, metres = scaled([way], "m")
+        items.append(
+            f"{curve.name}: the largest force is {force[peak] * newton:.4g} {newtons}, at a displacement of"
+            f" {way[peak] * metre:.4g} {metres} ({moment(results, int(curve.step[peak]), 'µs')})"
+        )
+    if more := len(every_curve) - len(curves):
+        items.append(f"{more} more conditions, with smaller forces, are left out")
+    said = "".join(f"<li>{for_html(item)}</li>" for item in items)
+    return [_image(charts.load_displacement(curves, per=per), "load-displacement curve"), f"<ul>{said}</ul>"]
+
+
+def _film(results: Results, steps: NDArray[np.int64]) -> list[str]:
+    """A film of the default field, or of the displacement where that field is zero; and how many frames it has."""
+    last, name = int(steps[-1]), default_field_name(results, int(steps[0]))
+    if _is_zero(results, name, last) and "ux" in results.stored(last):
+        name = "displacement"
+    every = max(1, -(-len(steps) // FRAMES))
+    film, count = gif(results, name, every=every, dpi=80), len(chosen(results, every))
+    words = f"{FIELDS_BY_NAME[name].title} in {count} of {len(steps)} frames"
+    return [_picture(film, "gif", f"{name} over time"), f"<p>{for_html(words)}</p>"]
 
 
 def _grid(results: Results, nodes: Nodes) -> dict[str, str]:
@@ -156,9 +193,8 @@ def _balance(results: Results) -> list[str]:
         _image(charts.balance(books, per), "energies over time"),
     ]
     if len(results.reactions()):
-        parts.append(
-            _image(charts.reactions(read_condition_force_histories(results), per=per), "forces of loads and grips")
-        )
+        histories = read_condition_force_histories(results)
+        parts.append(_image(charts.reactions(strongest(histories, CURVES), per=per), "forces of loads and grips"))
     return parts
 
 
@@ -178,26 +214,37 @@ def _crack(results: Results) -> list[str]:
         sentences = crack_3d.summary_sentences(in_space)
         figure = crack_surface_figure.crack_surface(results, in_space)
         words = "surface of the crack, its area and its cost"
+        shown = len(in_space.surface.face_corners) > 0
     else:
         summary = crack_summary.crack(results)
         sentences = crack_summary.summary_sentences(summary)
         figure, words = crack_figure.crack(results, summary), "path, length and speed of the crack"
+        shown = len(summary.branches) > 0
     items = "".join(f"<li>{for_html(spelled(sentence))}</li>" for sentence in sentences)
-    return [f"<ul>{items}</ul>", _image(figure, words)]
+    return [f"<ul>{items}</ul>", *([_image(figure, words)] if shown else [])]
 
 
 def _fields(results: Results, step: int) -> list[str]:
-    parts = []
+    parts, zero = [], []
     for name in FIELDS:
         if name in OF_MOTION and at_rest(results):
             continue
         try:
-            parts.append(_image(field_figure.field(results, name, step), name))
+            if _is_zero(results, name, step):
+                zero.append(name)
+            else:
+                parts.append(_image(field_figure.field(results, name, step), name))
         except DamagedError:
             raise
         except ResultsError:  # a field that was not stored, or is of another physics
             continue
-    return parts
+    return parts + ([f"<p>Zero at all nodes: {for_html(', '.join(zero))}.</p>"] if zero else [])
+
+
+def _is_zero(results: Results, name: str, step: int) -> bool:
+    """Whether no node has another value than 0. Raises ResultsError."""
+    values = field_values(results, name, step)
+    return not (np.isfinite(values) & (values != 0)).any()
 
 
 def _table(rows: Mapping[str, object] | Iterable[tuple[str, object]]) -> str:

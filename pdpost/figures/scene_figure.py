@@ -23,6 +23,7 @@ from pdpost.figures.style import COLOURS, SHADES
 from pdsolve.measures.frame_steps import last_frame
 from pdsolve.results import Nodes, Results
 
+MOST_KEYS = 12  # conditions in the legend
 FEW = 150  # spacings across the plate: more are drawn without gaps between the nodes
 DOT = 0.62  # of the spacing
 
@@ -49,6 +50,9 @@ def scene(results: Results, model: dict[str, Any]) -> Figure:
         keys.append(
             Patch(color=colour, label=f"{for_legend(called(condition.get('name'), number))} ({condition['kind']})")
         )
+    if len(keys) > len(levels) + MOST_KEYS:
+        left_out = len(keys) - len(levels) - MOST_KEYS
+        keys = [*keys[: len(levels) + MOST_KEYS], Patch(alpha=0, label=f"and {left_out} more conditions")]
     where = shape(results, 0, 0.0)
     box = box_of([where])
     width, tall = box[2] - box[0], box[3] - box[1]

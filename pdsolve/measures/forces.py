@@ -50,6 +50,39 @@ class ConditionForceHistory(NamedTuple):
         """The axis (0, 1 or 2) along which the condition acts."""
         return int(np.abs(self.force).max(axis=0).argmax())
 
+    @property
+    def force_along_axis(self) -> NDArray[np.float64]:
+        """Force (t,) along the main axis, positive at the peak."""
+        force = self.force[:, self.main_axis]
+        return force * (np.sign(force[self.peak_index]) or 1.0)
+
+    @property
+    def displacement_along_axis(self) -> NDArray[np.float64]:
+        """Displacement (t,) along the main axis, positive where it goes with the force at the peak."""
+        return self.displacement[:, self.main_axis] * (np.sign(self.force[self.peak_index, self.main_axis]) or 1.0)
+
+    @property
+    def peak_index(self) -> int:
+        """The row with the largest force along the main axis, by its size."""
+        return int(np.abs(self.force[:, self.main_axis]).argmax())
+
+
+STILL = 1e-3  # of the largest displacement: a condition that moves less is fixed
+
+
+def moving_conditions(histories: list[ConditionForceHistory]) -> list[ConditionForceHistory]:
+    """Those whose nodes move along their main axis and that exert a force."""
+    ways = [float(np.ptp(history.displacement[:, history.main_axis])) for history in histories]
+    least = max(STILL * max(ways, default=0.0), np.finfo(float).tiny)
+    return [history for history, way in zip(histories, ways, strict=True) if way >= least and history.force.any()]
+
+
+def strongest(histories: list[ConditionForceHistory], most: int) -> list[ConditionForceHistory]:
+    """At most `most` of the histories, those with the largest forces, in their order."""
+    sizes = [float(np.abs(history.force).max()) for history in histories]
+    rows = sorted(np.argsort(sizes, kind="stable")[::-1][:most].tolist())
+    return [histories[row] for row in rows]
+
 
 def read_condition_force_histories(results: Results) -> list[ConditionForceHistory]:
     """Reactions of all conditions over the run, then load cells. Raises ResultsError if there are none."""

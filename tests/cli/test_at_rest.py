@@ -123,6 +123,11 @@ def test_the_report_of_load_steps_has_nothing_that_moves(here: Path) -> None:
         assert text in moves
         assert text not in rests
     assert 'alt="displacement"' in rests
+    first = [text.split("<h2>")[1].split("</h2>")[0] for text in (rests, moves)]
+    assert first == ["Load and displacement", "Crack"]
+    assert "the largest force is" in rests
+    assert 'alt="damage"' not in rests  # nothing has broken
+    assert re.search("Zero at all nodes: .*damage", rests)
 
 
 def test_a_run_stopped_within_a_load_step_says_how_to_go_on(

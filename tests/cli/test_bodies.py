@@ -251,7 +251,7 @@ def test_a_report_of_a_body(solved: Path) -> None:
     page = path.read_text()
     titles = [part.split("<")[0] for part in page.split("<h2>")[1:]]
     assert titles[:2] == ["Crack", "Animation"]
-    assert page.count("<img") == 9  # the crack, a film, five fields, energies and forces
+    assert page.count("<img") == 8  # the pre-crack, a film, four fields (nothing is damaged), energies and forces
     assert "nothing opened" in page
     assert "1.6e+08 mm³" in page
 

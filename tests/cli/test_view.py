@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import html
 import json
+import re
 import socket
 from pathlib import Path
 
@@ -14,6 +16,7 @@ from tampered_databases import tampered
 from pdpost.__main__ import main
 from pdpost.browser import page
 from pdpost.browser.server import PageServer
+from pdsolve.results import Results
 
 pytestmark = pytest.mark.usefixtures("here")
 
@@ -45,6 +48,17 @@ def test_a_file_has_all_that_the_page_asks_for(small_results: Path, capsys: pyte
     assert "default-src 'none'" in text
     assert text.count("<script>") == 2
     assert 'src="' not in text.split("<script")[0]
+
+
+def test_a_report_embeds_the_page(small_results: Path) -> None:
+    """In a frame that can run scripts but has no origin; the report itself has no script."""
+    with Results.open(small_results) as results:
+        text = page.embedded(results, "plate")
+    (frame,) = re.findall(r"<iframe[^>]*>", text)
+    assert 'sandbox="allow-scripts"' in frame
+    assert "<script" not in text
+    assert set(blocks(html.unescape(text))) >= {"run", "charts", "nodes/0"}
+    assert "4 of 4 frames" in text
 
 
 def test_frames_and_components_can_be_chosen(small_results: Path, capsys: pytest.CaptureFixture[str]) -> None:
