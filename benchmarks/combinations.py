@@ -121,6 +121,7 @@ OPTIONS = {
     "rigid": "condition `rigid`",
     "regions": "`regions`",
     "fields": "`fields` of the grid file",
+    "interfaces": "`interfaces`",
     "gap": "`run.gaps`",
     "profile": "`profile` of a load",
 }

@@ -39,6 +39,7 @@ from pdmesh.model.document import (
     Spring,
     Velocity,
 )
+from pdmesh.model.interfaces import Interface
 from pdmesh.model.mechanical_conditions import Contact
 from pdmesh.model.medium import Medium, Solid
 from pdmesh.model.node_fields import FieldColumn
@@ -109,6 +110,7 @@ DISCRETIZATION: dict[str, Changes] = {
     "square areas": {"area_rule": "square"},
     "several materials": {"regions": True},
     "fields of the material by node": {"fields": ("E",)},
+    "interfaces": {"interfaces": True},
     "strengths of coarse bonds": {"material.coarse": "matched"},
     "isotropic calibration": {"material.calibration": "isotropic"},
 }
@@ -181,7 +183,7 @@ GROUPS = {
     "Execution": EXECUTION,
 }
 SAMPLES: dict[str, Changes] = {name: changes for group in GROUPS.values() for name, changes in group.items()}
-OF_MOTION = ("material.", "contact", "regions", "fields", "profile", "run.static")
+OF_MOTION = ("material.", "contact", "regions", "fields", "interfaces", "profile", "run.static")
 OPTIONS = ("mode", "precision", "ranks", "kernel", "disturbances", "fields")
 
 
@@ -241,6 +243,8 @@ def case_of(changes: Changes) -> Case:
         assert settings.material is not None
         softer = msgspec.structs.replace(settings.material, E=settings.material.E / 2)
         settings = msgspec.structs.replace(settings, regions=(Region(box=at.left, material=softer),))
+    if changes.get("interfaces"):
+        settings = msgspec.structs.replace(settings, interfaces=(_weak_middle(dimension),))
     if settings.physics == "diffusion":
         settings = msgspec.structs.replace(settings, material=None)
     conditions = (*_usual_conditions(settings, at, changes), *(make(at) for make in changes.get("conditions", ())))
@@ -296,6 +300,13 @@ def _following_pressure(dimension: int) -> Load:
     face = (0.0, 2 * H, 0.0, 0.0) if dimension == 2 else (0.0, 0.0, 0.0, 0.0, 0.0, 2 * H, 0.0, 2 * H, 0.0)
     first = COUNTS[dimension][0] + 1
     return Load(nodes=(first, 2 * first - 1), pressure=1e3, area_vectors=vectors, following=True, faces=(face,))
+
+
+def _weak_middle(dimension: int) -> Interface:
+    """An oblique line, or triangle, of half the fracture energy."""
+    segment = (10 * H, -H, 14 * H, 30 * H)
+    triangle = (-9 * H, -9 * H, 3 * H, 40 * H, -9 * H, 6 * H, -9 * H, 40 * H, 6 * H)
+    return Interface(faces=(segment if dimension == 2 else triangle,), G0=BOND.G0 / 2)
 
 
 def _usual_conditions(settings: Settings, at: Places, changes: Changes) -> Iterator[AnyCondition]:

@@ -173,9 +173,8 @@ class Model:
         # `Swelling` knows what breaks and what deforms
         medium = msgspec.structs.replace(self.settings.medium, broken=1.0, deformation=False)
         grid = replace(self.grid, fields=())
-        return self._part(
-            grid, physics="diffusion", medium=medium, material=None, regions=(), conditions=mine, run=steps
-        )
+        nothing: dict[str, Any] = {"material": None, "regions": (), "interfaces": ()}
+        return self._part(grid, physics="diffusion", medium=medium, conditions=mine, run=steps, **nothing)
 
     def _part(self, grid: Grid, **settings: Any) -> Model:
         return replace(self, grid=grid, settings=msgspec.structs.replace(self.settings, **settings))

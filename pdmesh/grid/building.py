@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import msgspec
 import numpy as np
 
 from pdmesh.files import FilePath
@@ -14,9 +15,11 @@ from pdmesh.grid.bodies import build_body
 from pdmesh.grid.bodies_beside import build_scene, each_alone
 from pdmesh.model.contradictions import wrong_monitors
 from pdmesh.model.document import ON_ONE_LATTICE, Document, Settings, write_file
+from pdmesh.model.interfaces import wrong_interface
 from pdmesh.model.node_grid import Grid, document_of
 from pdmesh.model.rigid_bodies import without_bonds
 from pdmesh.model.selection import two_motions
+from pdmesh.model.suggestions import called
 from pdmesh.model.values_of_place import PlaceError
 from pdmesh.scene import checks
 from pdmesh.scene.body import Body
@@ -59,6 +62,7 @@ def build(scene: Scene | Body) -> Built:
         scene = with_files(scene, Path())
         built = _build(scene)
         grid = fields_on_nodes.with_fields(built.grid, built.settings, scene.fields, scene.spacing)
+        built = _with_interfaces(built, scene)
         built = replace(built, grid=grid, notes=(*built.notes, *fields_on_nodes.remarks(grid, built.settings)))
     except PlaceError as error:
         raise SceneError(f"conditions: {error}") from None
@@ -103,6 +107,19 @@ def _build(scene: Scene | Body) -> Built:
     without_bonds(grid, settings, scene.source or "scene")
     sound = (remark for alone in each_alone(grid, settings) for remark in soundness.remarks(*alone))
     return replace(built, notes=(*notes, *sound))
+
+
+def _with_interfaces(built: Built, scene: Scene | Body) -> Built:
+    """The built grid with the interfaces of the scene and of its bodies. Raises SceneError."""
+    interfaces = scene.interfaces
+    if isinstance(scene, Body):
+        interfaces = (*interfaces, *(each for beside in scene.bodies for each in beside.body.interfaces))
+    for number, interface in enumerate(interfaces, start=1):
+        names = [region.name for region in built.settings.regions]
+        wrong = wrong_interface(interface, names, built.grid.dimension)
+        if wrong is not None:
+            raise SceneError(f"interface '{called(interface.name, number)}'{wrong}")
+    return replace(built, settings=msgspec.structs.replace(built.settings, interfaces=interfaces))
 
 
 def looked_at(built: Built) -> Built:

@@ -91,6 +91,7 @@ def contradictions(case: Case) -> Iterator[Impossible]:
         yield from _of_zones(case)
     if case.materials and run.cracks == "particles":
         yield from _of_particles(run.particles)
+    yield from _of_interfaces(case)
     yield from _of_settings_that_need_others(settings)
 
 
@@ -107,6 +108,21 @@ def _of_settings_that_need_others(settings: Settings) -> Iterator[Impossible]:
         yield Impossible("$.run.quiet", "none", "seconds, as until is quiet")
     if run.until is None and run.quiet is not None:
         yield Impossible("$.run.quiet", f"{run.quiet:g}", "none, as until is not quiet")
+
+
+def _of_interfaces(case: Case) -> Iterator[Impossible]:
+    """Constants of interfaces that a material's bonds do not use."""
+    for number, interface in enumerate(case.settings.interfaces):
+        for at, material in case.materials:
+            springs = material.model == "bond" or material.law == "cohesive"
+            for name, used, key in (
+                ("f_t", interface.f_t is None or material.law == "cohesive", "law"),
+                ("stiffness", interface.stiffness == 1 or springs, "model"),
+                ("G0", interface.G0 is None or springs or material.failure in ("energy", "stretch"), "failure"),
+            ):
+                if not used:
+                    why = f"none with {key} '{getattr(material, key)}' of {at}"
+                    yield Impossible(f"$.interfaces[{number}].{name}", f"{getattr(interface, name):g}", why)
 
 
 def _of_materials_together(case: Case) -> Iterator[Impossible]:

@@ -36,6 +36,7 @@ from pdmesh.model.base_structs import Timed as Timed
 from pdmesh.model.base_structs import Vector as Vector
 from pdmesh.model.grid_file_nodes import BEGIN, NodeColumns, NodeRecord, columns_of, repeated_key, taken_out, written
 from pdmesh.model.grid_file_nodes import END as END_OF_NODES
+from pdmesh.model.interfaces import Interface
 from pdmesh.model.material import Material as Material
 from pdmesh.model.mechanical_conditions import Absorb as Absorb
 from pdmesh.model.mechanical_conditions import Acceleration as Acceleration
@@ -328,6 +329,7 @@ class Settings(PlainStruct, frozen=True, forbid_unknown_fields=True):
     material: Material | None = None
     horizon: Horizon = Horizon()
     regions: tuple[Region, ...] = ()
+    interfaces: tuple[Interface, ...] = ()
     physics: Literal["mechanics", "diffusion", "thermoelastic"] = "mechanics"  # motion or equilibrium (mechanics),
     # diffusion alone, or both with swelling (thermoelastic)
     medium: Medium | None = None  # of diffusion; of heat, whose D is the thermal diffusivity and whose content is T, K
@@ -452,7 +454,7 @@ def encode(document: Document) -> bytes:
     """The document as JSON, a line for each node and for each other key, its digest last."""
     fields: dict[str, Any] = {"version": document.version, "notch": document.notch}
     usual: dict[str, Any] = {"physics": "mechanics", "medium": None, "contact": None}  # is left out
-    usual |= dict.fromkeys(("media", "bodies", "fields"), ())
+    usual |= dict.fromkeys(("media", "bodies", "fields", "interfaces"), ())
     values = {name: getattr(document, name) for name in document.__struct_fields__ if name not in ("nodes", "digest")}
     fields |= {name: value for name, value in values.items() if name not in usual or value != usual[name]}
     lines = [b"%s: %s" % (msgspec.json.encode(name), msgspec.json.encode(value)) for name, value in fields.items()]

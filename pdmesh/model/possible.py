@@ -236,6 +236,7 @@ PARTICLES_AT_REST = Feature(
 )
 REGIONS = Feature("several materials", regions, "one")
 NODE_FIELDS = Feature("fields of the material by node", node_fields, "regions")
+INTERFACES = Feature("interfaces", present("interfaces"), "none")
 # Conditions
 CONTACT = Feature("contact", present("contact"), why=", as bodies touch")
 RESTITUTION = Feature("a restitution below 1", setting("contact.restitution"), "1")
@@ -322,6 +323,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(DIFFUSION, UNTIL, START, DAMPING, PROBES, PARTICLES, CONDUCTANCE, HEATING, EQ19, THESIS, SINGLE),
     *excluded(DIFFUSION, STIFFNESS_DAMPING, KERNEL, MECHANICAL),
     *excluded(DIFFUSION, NODE_FIELDS, use="none (they are of a material)"),
+    *excluded(DIFFUSION, INTERFACES, use="none (they are of a material)"),
     *excluded(DIFFUSION, MATERIAL, because=" (mechanics and thermoelastic have some)"),
     *excluded(DIFFUSION, STATIC, use="explicit or implicit"),
     *excluded(DIFFUSION, OTHER_ZONES),
@@ -365,6 +367,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(FATIGUE, PROFILE, because=" (the loads of the model are the maximum loads of a cycle)"),
     *excluded(BOND_FATIGUE, STATE_BASED, THESIS),
     *excluded(ADAPTIVE, NODE_FIELDS, use="regions (or --adapt none: coarse cells have one material)"),
+    *excluded(ADAPTIVE, INTERFACES, use="none (or --adapt none: coarse cells do not weaken along a line)"),
     *excluded(ADAPTIVE, NOISE, AREA_RULE, STATIC, START, COARSE, PINS),
     *excluded(SPLIT, ACCELERATION, SPIN, DISPLACED, SPRINGS),
     *excluded(BONDS_COLLOCATED, ACCELERATION, SPIN, DISPLACED, SPRINGS),
@@ -378,6 +381,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(BONDS_COLLOCATED, DAMPING, use="0"),
     *excluded(BONDS_COLLOCATED, REGIONS, LAW, ABSORB, DIFFRACTION, THESIS, SINGLE),
     *excluded(PARTICLES, STIFFNESS_DAMPING),
+    *excluded(PARTICLES, INTERFACES, because=" (tips grow by one toughness)"),
     *excluded(PARTICLES, ADAPTIVE, LARGE, THESIS),
     *excluded(DEVICE, STATIC, IMPLICIT, use="explicit"),
     *excluded(DEVICE, STIFFNESS_DAMPING, NOISE),
@@ -391,6 +395,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(RANKS, START, ADAPTIVE, COLLOCATION, PARTICLES, DEVICE, SPIN, CORRESPONDENCE, MICROPOLAR, ENERGY),
     *excluded(RANKS, CONTACT, RIGID, SPRINGS, PINS, DISPLACED, use="none"),
     *excluded(THESIS, STATE_BASED, DIFFRACTION, CALIBRATION, COARSE),
+    *excluded(THESIS, INTERFACES, because=" (interfaces need a calibrated lattice)"),
     *excluded(THESIS, COHESIVE, because=" (cohesive bonds need a calibrated lattice)"),
 )
 

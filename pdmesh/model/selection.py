@@ -25,6 +25,7 @@ from pdmesh.model.document import (
     Timed,
     Velocity,
 )
+from pdmesh.model.interfaces import wrong_interface
 from pdmesh.model.mechanical_conditions import wrong_spin, wrong_spring
 from pdmesh.model.node_arrays import Grid
 from pdmesh.model.values_at_places import values_at
@@ -88,6 +89,7 @@ def check(settings: Settings, grid: Grid, name: str) -> None:
     if not all(region.nodes for region in settings.regions) or len(grid.missing(listed[1])):
         for number, region in enumerate(settings.regions):
             _check_selection(region, grid, f"{name}: $.regions[{number}]")
+    _check_interfaces(settings, grid.dimension, name)
     for number, probe in enumerate(settings.run.probes):
         _check_length(probe, grid.dimension, f"{name}: $.run.probes[{number}]")
     for number, gap in enumerate(settings.run.gaps):
@@ -98,6 +100,14 @@ def check(settings: Settings, grid: Grid, name: str) -> None:
         wrong = wrong_monitors(run, [condition.name for condition in settings.conditions])
         if wrong is not None:
             raise GridError(f"{name}: $.run.{wrong}")
+
+
+def _check_interfaces(settings: Settings, dimension: int, name: str) -> None:
+    names = [region.name for region in settings.regions]
+    for number, interface in enumerate(settings.interfaces):
+        wrong = wrong_interface(interface, names, dimension)
+        if wrong is not None:
+            raise GridError(f"{name}: $.interfaces[{number}]{wrong}")
 
 
 def _check_selection(selection: Selection, grid: Grid, place: str) -> None:

@@ -23,8 +23,10 @@ from pdmesh.model.document import (
     Spring,
 )
 from pdmesh.model.document import Solid as Dissolving
+from pdmesh.model.interfaces import Interface
 from pdmesh.model.mechanical_conditions import REST, wrong_spring
 from pdmesh.model.medium import Medium
+from pdmesh.model.pressed_faces import Faces
 from pdmesh.model.rigid_bodies import contradiction
 from pdmesh.scene import actions
 from pdmesh.scene.checks import composed, described, passable, ratio
@@ -112,6 +114,7 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
     regions: tuple[SolidRegion[Region], ...] = ()
     conditions: tuple[SolidCondition, ...] = ()
     fields: tuple[PlacedField, ...] = ()  # constants of the material by node
+    interfaces: tuple[Interface, ...] = ()  # between regions, or along surfaces
     medium: Medium | Heat | None = None  # what a substance or heat diffuses through
     media: tuple[SolidRegion[MediumRegion], ...] = ()  # parts of another diffusivity
     bodies: tuple[SolidBeside, ...] = ()  # no bonds join them to this one or to each other
@@ -246,16 +249,10 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
     def crack(self, sheet: Sheet | Any, name: str = "") -> Body:
         """The body with a crack: a `Sheet`, or triangles (t, 3, 3), m."""
         name = name or f"{len(self.cracks) + 1}"
-        if not isinstance(sheet, Sheet):
-            try:
-                triangles = np.asarray(sheet, dtype=float)
-            except (TypeError, ValueError):
-                triangles = np.zeros(0)
-            if triangles.shape[1:] != (3, 3) or not np.isfinite(triangles).all() or not len(triangles):
-                wanted = "use triangles of three places (x, y, z) in metres"
-                raise SceneError(f"crack '{name}' is {sheet!r:.80}; {wanted}")
-            sheet = Sheet(triangles)
-        return replace(self, cracks=(*self.cracks, CrackFace(name, sheet)))
+        return replace(self, cracks=(*self.cracks, CrackFace(name, _sheet(sheet, f"crack '{name}'"))))
+
+    def _faces_along(self, along: Sheet | Any, place: str) -> Faces:
+        return tuple(map(tuple, _sheet(along, place).triangles.reshape(-1, 9).tolist()))
 
     def region(self, solid: Solid, material: Material, name: str = "") -> Body:
         """The body with another material in a solid."""
@@ -332,3 +329,16 @@ class Body(PlainFields, MechanicalConditions[Where], DiffusionConditions[Where])
             checked(where, place)
         condition = SolidCondition(where, rows, action, functions)
         return replace(self, conditions=(*self.conditions, condition))
+
+
+def _sheet(sheet: Sheet | Any, place: str) -> Sheet:
+    """A sheet, or triangles (t, 3, 3), m, as one. Raises SceneError, beginning with `place`."""
+    if isinstance(sheet, Sheet):
+        return sheet
+    try:
+        triangles = np.asarray(sheet, dtype=float)
+    except (TypeError, ValueError):
+        triangles = np.zeros(0)
+    if triangles.shape[1:] != (3, 3) or not np.isfinite(triangles).all() or not len(triangles):
+        raise SceneError(f"{place} is {sheet!r:.80}; use triangles of three places (x, y, z) in metres")
+    return Sheet(triangles)

@@ -20,6 +20,8 @@ from pdmesh.model.document import (
     Run,
     Spring,
 )
+from pdmesh.model.interfaces import Interface
+from pdmesh.model.pressed_faces import Faces
 from pdmesh.model.values_of_place import is_of_place
 from pdmesh.scene import actions
 from pdmesh.scene.conditions import Conditioned, Profile, W
@@ -52,6 +54,11 @@ class MechanicalConditions(Conditioned[W]):
     run: Run
     touching: Contact | None
     fields: tuple[PlacedField, ...]
+    interfaces: tuple[Interface, ...]
+
+    def _faces_along(self, along: Any, place: str) -> Faces:
+        """Segments along a polyline, or triangles of a sheet. Raises SceneError, beginning with `place`."""
+        raise NotImplementedError
 
     def contact(
         self, friction: float = 0.0, stiffness: float = 15.0, distance: float = 1.0, restitution: float = 1.0
@@ -79,6 +86,38 @@ class MechanicalConditions(Conditioned[W]):
             by more than a tenth of their extent.
         """
         return self._changed(fields=(*self.fields, placed(quantity, value, region, rule)))
+
+    def interface(
+        self,
+        between: tuple[str, str] | None = None,
+        along: Any = None,
+        G0: float | None = None,
+        f_t: float | None = None,
+        stiffness: float = 1.0,
+        name: str = "",
+    ) -> Self:
+        """With an interface, whose bonds have constants of their own.
+
+        Parameters
+        ----------
+        between
+            Names of two regions; "rest" stands for the nodes of no region, "*" for any others.
+        along
+            In place of regions: a polyline, in space a `Sheet` or triangles (t, 3, 3), m.
+        G0
+            Fracture energy, J/m^2, of a cut along the interface; by default that of the materials.
+        f_t
+            Tensile strength of cohesive bonds, Pa; by default that of the materials.
+        stiffness
+            Of its bonds, over that of the materials.
+        """
+        name = name or f"{len(self.interfaces) + 1}"
+        place = f"interface '{name}'"
+        values: dict[str, Any] = {"G0": G0, "f_t": f_t, "stiffness": stiffness, "between": between}
+        if along is not None:
+            values["faces"] = self._faces_along(along, place)
+        interface = actions.converted({"name": name} | values, Interface, place)
+        return self._changed(interfaces=(*self.interfaces, interface))
 
     def load(
         self,

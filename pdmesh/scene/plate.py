@@ -11,6 +11,7 @@ from shapely import Polygon
 
 from pdmesh.model.base_structs import PlainFields
 from pdmesh.model.document import Contact, Material, MediumRegion, RigidBody, Run
+from pdmesh.model.interfaces import Interface
 from pdmesh.model.medium import Medium
 from pdmesh.model.svg_picture import svg
 from pdmesh.quantities import Unit
@@ -78,6 +79,7 @@ class Plate(PlainFields):
     regions: tuple[MaterialRegion, ...] = ()
     conditions: tuple[PlacedCondition, ...] = ()
     fields: tuple[PlacedField, ...] = ()  # constants of the material by node
+    interfaces: tuple[Interface, ...] = ()  # between regions, or along lines
     bodies: tuple[BodyBeside, ...] = ()  # no bonds join them to the plate or to each other
     touching: Contact | None = None  # how bodies and faces of cracks push each other apart
     medium: Medium | Heat | None = None  # what a substance or heat diffuses through

@@ -13,6 +13,7 @@ Frozen: every method returns a new scene. Lengths in metres, SI units throughout
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Literal, TypeAlias
@@ -264,6 +265,11 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
     def _fills_edges(self, faces: Faces) -> bool:
         """Whether a pressure on these faces is shared by rows, as bonds of the material know of it."""
         return bool(faces) and (self.material or PLAIN).model == "bond"
+
+    def _faces_along(self, along: LineString | Points, place: str) -> Faces:
+        lines = shapely.get_parts(polyline(along, place))
+        places = map(shapely.get_coordinates, lines)
+        return tuple((*a, *b) for points in places for a, b in itertools.pairwise(points.tolist()))
 
     def _is_edge(self, place: Curve | Surface | shapely.Point) -> bool:
         """Whether a place is a curve along the edge of the plate or of a hole."""

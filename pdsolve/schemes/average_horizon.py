@@ -19,7 +19,8 @@ symmetric, waves are reflected less where spacings differ.
   0.4 %. Bonds cut by a pre-crack have no energy, around its tip as well: exempting the tip makes displacements around
   it worse (tests/verification/test_crack_faces.py). Cracks that grow during a run are not corrected.
 - A bond round the tip of a pre-crack (`pdmesh.model.visibility`) has the modulus of the path's length.
-- At a material interface, each end contributes half the stiffness and half the fracture energy of a bond.
+- At a material interface, each end contributes half the stiffness and half the fracture energy of a bond, which an
+  interface of the model replaces by its own (`pdsolve.bonds.interfaces`).
 """
 
 from __future__ import annotations
@@ -43,6 +44,7 @@ from pdmesh.model.material_constants import BONDS_NU, C11, C66, STIFFNESS, criti
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, row_chunks, tree_of
 from pdmesh.model.visibility import sight_of
 from pdsolve.bonds.assembly import BondSource, Paired, Part, areas, part_of
+from pdsolve.bonds.interfaces import Crossings, Interfaces, cut_of_springs
 from pdsolve.conditions import unbreakable
 from pdsolve.laws import limits
 from pdsolve.laws.law import Sizes
@@ -73,6 +75,7 @@ class Rule:
         """Raises GridError for an outline that encloses nothing."""
         grid = model.grid
         self.area, self._model, self._corrections = areas(model, "cells"), model, corrections
+        self._interfaces = Interfaces(model)
         self._margin = 0.5 if corrections.partial_cells else 0.0  # spacings
         self.sight, self.held = sight_of(grid, model.name), unbreakable(model)
         self.farthest = float((model.horizons + self._margin * grid.delta).max())
@@ -88,12 +91,12 @@ class Rule:
     def constants(self, pairs: Pairs) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Modulus, peak and limit (b,) of pairs; the modulus of those that do not interact is 0."""
         reach = self._reach(pairs)
-        modulus, peak, limit = _mean_of_ends(self._model, pairs, reach, self._corrections)
+        modulus, peak, limit = self._mean_of_ends(pairs, reach)
         return np.where(self._strong(modulus, reach), modulus, 0.0), peak, limit
 
     def strength(self, pairs: Pairs) -> NDArray[np.float64]:
         """Modulus (b,) of interacting pairs."""
-        return _mean_of_ends(self._model, pairs, self._reach(pairs), self._corrections)[0]
+        return self._mean_of_ends(pairs, self._reach(pairs))[0]
 
     def beside(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
         """Rows of these nodes and of all nodes that may have them in their families."""
@@ -102,6 +105,11 @@ class Rule:
         position = self._model.grid.position
         far, _ = tree_of(position[rows]).query(position, distance_upper_bound=self.farthest * (1 + ROUND_OFF))
         return np.flatnonzero(np.isfinite(far))
+
+    def _mean_of_ends(
+        self, pairs: Pairs, reach: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        return _mean_of_ends(self._model, pairs, reach, self._corrections, self._interfaces.crossed(pairs))
 
     def _reach(self, pairs: Pairs) -> NDArray[np.float64]:
         return np.asarray((self._model.horizons[pairs.source] + self._model.horizons[pairs.target]) / 2)
@@ -112,7 +120,7 @@ class Rule:
     def looked(self, pairs: Pairs) -> Paired:
         """Pairs that no hole or edge separates; their stiffness is the modulus, N/m^5, in space N/m^6."""
         reach = self._reach(pairs)
-        modulus, peak, limit = _mean_of_ends(self._model, pairs, reach, self._corrections)
+        modulus, peak, limit = self._mean_of_ends(pairs, reach)
         pair_numbers = np.flatnonzero(self._strong(modulus, reach))
         pair_numbers = pair_numbers[self.sight.inside(chosen(pairs, pair_numbers))]
         pairs = chosen(pairs, pair_numbers)
@@ -162,6 +170,7 @@ class Rule:
             mean = (correction[pairs.source] + correction[pairs.target]) / 2
             total += n[:, axis] ** 2 * mean if n.shape[1] == 3 else (n[:, axis] / mean) ** 2
         factor = total if n.shape[1] == 3 else total**-0.5  # equal for both directions; 1 inside a uniform grid
+        factor = factor * self._interfaces.stiffness(pairs)  # which is no lack that surfaces make up for
         paired = paired._replace(stiffness=paired.stiffness * factor * paired.weight)
         return part_of(position, self.held, rows, paired)
 
@@ -192,20 +201,24 @@ def fill(model: Model, corrections: Corrections = ALL) -> BondSource:
 
 
 def _mean_of_ends(
-    model: Model, pairs: Pairs, reach: NDArray[np.float64], corrections: Corrections
+    model: Model,
+    pairs: Pairs,
+    reach: NDArray[np.float64],
+    corrections: Corrections,
+    crossings: Crossings | None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Modulus, peak and limit of each pair (b,): half from the material of each end, including partial cells.
 
     The peak keeps the mean energy up to it, the limit the mean total energy; equal ends keep their own values.
     """
     if not model.varies:
-        modulus, peak, limit, no_fail = _of_end(model, pairs, reach, pairs.source, corrections)
+        modulus, peak, limit, no_fail = _of_end(model, pairs, reach, pairs.source, corrections, crossings)
         return modulus, np.where(no_fail, np.inf, peak), np.where(no_fail, np.inf, limit)
     modulus, up_to_peak, total_energy = (np.zeros(len(pairs.length)) for _ in range(3))
     widest_peak, widest = np.zeros(len(pairs.length)), np.zeros(len(pairs.length))
     unbreakable = np.zeros(len(pairs.length), dtype=bool)
     for end in (pairs.source, pairs.target):
-        c, peak, limit, no_fail = _of_end(model, pairs, reach, end, corrections)
+        c, peak, limit, no_fail = _of_end(model, pairs, reach, end, corrections, crossings)
         unbreakable |= no_fail
         modulus += 0.5 * c
         up_to_peak += 0.5 * c * peak**2
@@ -220,14 +233,22 @@ def _mean_of_ends(
 
 
 def _of_end(
-    model: Model, pairs: Pairs, reach: NDArray[np.float64], end: NDArray[np.int64], corrections: Corrections
+    model: Model,
+    pairs: Pairs,
+    reach: NDArray[np.float64],
+    end: NDArray[np.int64],
+    corrections: Corrections,
+    crossings: Crossings | None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     """Modulus, peak and limit of each pair (b,), with the material of its node `end` (b,), and whether that keeps it
     from breaking."""
     modulus, peak, limit = (np.zeros(len(pairs.length)) for _ in range(3))
     no_fail = np.zeros(len(pairs.length), dtype=np.bool_)
     ratio, delta = model.settings.horizon.ratio, model.grid.delta
-    for material_rows, material in model.materials_at(end):
+    for material_rows, material_of_end in model.materials_at(end):
+        material = material_of_end
+        if crossings is not None:
+            material = crossings.material(material, material_rows, cut_of_springs(material, ratio))
         length, far, rows = pairs.length[material_rows], reach[material_rows], end[material_rows]
         calibrated = _calibration(model, material, corrections)
         if _has_partial_cells(material, corrections):

@@ -41,7 +41,9 @@ def tiled(model: Model, kind: type[np.floating], unbreakable: bool = False) -> T
     law = law_of(model)
     if law.pair is None:
         return None
-    if model.grid.fields or (law.pair.is_curved and (law.pair.elastic_in_compression or model.varies)):
+    if model.grid.fields or model.settings.interfaces:
+        return None
+    if law.pair.is_curved and (law.pair.elastic_in_compression or model.varies):
         return None
     if model.materials[0].detour is not None and len(model.grid.cracks):
         return None

@@ -27,6 +27,7 @@ from pdmesh.model.material_constants import dimension_of
 from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, lengths
 from pdmesh.model.visibility import sight_of
 from pdsolve.bonds.assembly import BondSource, Paired, Part, areas, part_of
+from pdsolve.bonds.interfaces import Crossings, Cut, Interfaces
 from pdsolve.conditions import unbreakable
 from pdsolve.laws import law_of
 from pdsolve.model import Model
@@ -92,7 +93,8 @@ def _counts(
     return weights * _shells(material, ratio).at(length / reach * ratio)
 
 
-Limit = Callable[[NDArray[np.int64], NDArray[np.float64]], NDArray[np.float64]]  # of rows and horizons (b,), m
+# Of the rows at one end of pairs (b,), their horizons (b,), m, and the interfaces that they cross
+Limit = Callable[[NDArray[np.int64], NDArray[np.float64], Crossings | None], NDArray[np.float64]]
 
 
 def fill(model: Model) -> BondSource:
@@ -106,9 +108,13 @@ def fill(model: Model) -> BondSource:
         ]
     )
 
-    def limits(rows: NDArray[np.int64], reach: NDArray[np.float64]) -> NDArray[np.float64]:
+    def limits(rows: NDArray[np.int64], reach: NDArray[np.float64], crossings: Crossings | None) -> NDArray[np.float64]:
         limit, numbers = np.full_like(reach, np.inf), model.material_of[rows]
-        for material_rows, material in model.materials_at(rows):
+        for material_rows, material_of_end in model.materials_at(rows):
+            material = material_of_end
+            if crossings is not None:
+                cut = _cut(_unit(model.materials[numbers[material_rows][0]]), ratio)
+                material = crossings.material(material, material_rows, cut)
             spent, far = cost_of[numbers[material_rows]], reach[material_rows]
             near = strength_reach(model, material, rows[material_rows], far)
             if material.failure == "stress":
@@ -132,6 +138,7 @@ def filled(model: Model, limits: Limit) -> BondSource:
     margin = 0.0 if full_cells else grid.delta / 2
     neighbours = Neighbours(grid.position, grid.delta, horizon + margin, mutual=True)
     sight, farthest = sight_of(grid, model.name), float((horizon + margin).max())
+    interfaces = Interfaces(model)
 
     def counts(pairs: Pairs) -> NDArray[np.float64]:
         """Weights (b,) of neighbours at the distances of `pairs`, over their cells."""
@@ -144,7 +151,8 @@ def filled(model: Model, limits: Limit) -> BondSource:
         pairs = chosen(pairs, counts(pairs) > ROUND_OFF)
         pairs = chosen(pairs, sight.inside(pairs))
         reach = (horizon[pairs.source] + horizon[pairs.target]) / 2
-        source_limit, target_limit = (limits(end, reach) for end in (pairs.source, pairs.target))
+        crossings = interfaces.crossed(pairs)
+        source_limit, target_limit = (limits(end, reach, crossings) for end in (pairs.source, pairs.target))
         limit = source_limit / 2 + target_limit / 2
         weight = counts(pairs._replace(length=sight.apart(pairs, first.detour, farthest)))
         nothing = np.zeros(len(limit))
@@ -166,6 +174,18 @@ def _unit(material: Material) -> Material:
 
 
 @lru_cache
+def _cut(material: Material, ratio: float) -> Cut:
+    """Cuts of a lattice of the material, over the cost of one along a row: the energy of bonds is one number, or grows
+    with the square of their length."""
+    xi = offsets(ratio + 0.5, dimension_of(material.plane))
+    length, ones = lengths(xi), np.ones(len(xi))
+    energy = _counts(material, ratio, length, ratio * ones, ones, ones)
+    if material.failure == "stretch":
+        energy = energy * length**2
+    return Cut(xi, energy / (energy * np.abs(xi[:, -1])).sum())
+
+
+@lru_cache
 def _cost(material: Material, ratio: float) -> float:
     """Cost of a crack in units of E horizon s^2, for a failure stretch s.
 
@@ -182,6 +202,6 @@ def _cost(material: Material, ratio: float) -> float:
         bonds = bonds_in_space(model, xi[in_family], weight[in_family], size)
     else:
         model = patch(material, ratio)
-        bonds = filled(model, lambda _, reach: np.full_like(reach, size)).whole().bonds
+        bonds = filled(model, lambda _, reach, __: np.full_like(reach, size)).whole().bonds
     spent = cost(law_of(model), model, bonds)
     return spent / (ratio * size**2) if material.failure == "stretch" else spent / (ratio ** (dimension + 1) * size)

@@ -24,6 +24,7 @@ from pdsolve.study.run_model import disturbed
 
 # Rows of what belongs to the physics itself, which no other has; tests/unit/pdsolve/diffusion/test_runs.py has them
 OF_ONE_PHYSICS = {("materials", "diffusion"), ("media", "mechanics"), ("fields of the material by node", "diffusion")}
+OF_ONE_PHYSICS |= {("interfaces", "diffusion")}
 # What nodes decide: collocation of contents needs two spacings, and blocks a lattice; tests of their rooms have them
 OF_NODES = {("diffusion", "collocation"), ("dissolution", "collocation")}
 OF_NODES |= {("kernels of blocks", "repeated runs with shifted nodes")}

@@ -138,6 +138,7 @@ def test_schema_names_every_key() -> None:
         "contact",
         "bodies",
         "fields",
+        "interfaces",
     }
     kinds = {
         "load",

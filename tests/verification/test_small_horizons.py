@@ -144,7 +144,7 @@ def test_ordinary_families_are_isotropic(plane: str, dimension: int, influence: 
     x = np.stack(axes, axis=-1).reshape(-1, dimension)
     nowhere = np.full(len(x), -1)
     grid = Grid(np.arange(len(x)), x, np.ones(len(x)), nowhere >= 0, nowhere, np.zeros((0, 4 if dimension == 2 else 9)))
-    bonds = families.filled(plate(grid, m, material=material), lambda _, reach: np.ones_like(reach)).whole().bonds
+    bonds = families.filled(plate(grid, m, material=material), lambda _, reach, __: np.ones_like(reach)).whole().bonds
     own = slice(*bonds.start[len(x) // 2 :][:2])
     weight = bonds.weight[own] * (bonds.xi[own] ** 2).sum(axis=1)
     fourth = (bonds.xi[own] ** 4).sum(axis=1) / (bonds.xi[own] ** 2).sum(axis=1) ** 2
