@@ -144,6 +144,8 @@ CASES = {
     "bilinear, struck": (struck(), 2),
     "damped": (torn(square_grid(20, 120), run=Run(time_step=50e-9, steps=60, every=20, damping=1e4)), 3),
     "damped, struck": (changed_run(struck(GLASS), damping=1e3), 3),
+    "damped by stiffness, struck": (changed_run(struck(GLASS), damping_time=4e-9), 3),
+    "a body damped by stiffness": (changed_run(pulled(), damping_time=4e-9), 2),
     "books in each step": (changed_run(struck(GLASS), ledger=1), 2),
     "a body until it is split": (changed_run(pulled(), until="split", steps=60, every=20), 2),
     "ordinary": (torn(square_grid(20, 120), material=ORDINARY), 3),
