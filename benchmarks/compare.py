@@ -67,8 +67,11 @@ def solve(scene: Path, overrides: list[str], ways: list[str], folder: Path) -> I
     from pdsolve import Options, read_model
 
     path = folder / f"{scene.stem}.json"
-    if pdmesh(["build", str(scene), "-o", str(path), "-q", "--trust", *overrides]):
-        raise SystemExit(f"{scene.name} could not be built")
+    with contextlib.redirect_stderr(io.StringIO()) as stderr:
+        failed = pdmesh(["build", str(scene), "-o", str(path), "-q", "--trust", *overrides])
+    if failed:  # as of a scene that is too coarse
+        yield from ((name, refused(stderr.getvalue())) for name in ["grid", *ways])
+        return
     yield "grid", {"bytes": np.frombuffer(path.read_bytes(), dtype=np.uint8)}
     model = read_model(path)
     for adapt in ADAPTED:
