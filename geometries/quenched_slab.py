@@ -15,7 +15,7 @@ hot = 380.0  # K: how much hotter than the water it is
 h = 5e4  # W/(m^2 K)
 room = 293.0  # K
 duration = 0.1  # s
-mass, damping = 1.6e5, 1e3  # -, 1/s
+mass, damping = 1.6e5, 1e3  # -, 1/s: calibrated, see above
 rho, k, c = 3980.0, 31.0, 880.0  # kg/m^3, W/(m K), J/(kg K)
 
 alumina = Material(E=370e9, rho=rho * mass, G0=42.47, micromodulus="constant", alpha=7.5e-6, T0=room + hot)

@@ -32,10 +32,10 @@ from pdpost.commands import (
     view,
 )
 
-OF_PLATES = ("bonds", "compare", "fatigue", "nodes", "tradeoff")
+OF_PLATES = ("bonds", "compare", "nodes", "tradeoff")
 OF_BODIES = (
-    "damage and other fields, animate, slice, render, crack, sif, line, history, balance, reaction, report, export,"
-    " notch and study"
+    "damage and other fields, animate, slice, render, crack, sif, fatigue, line, history, balance, reaction, report,"
+    " export, notch and study"
 )
 
 

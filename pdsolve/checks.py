@@ -426,11 +426,12 @@ def closing(model: Model, balance: float, spent: float, symmetric: bool) -> None
             " bonds make or lose it; use a larger run.collocation.margin or horizon",
         )
     if symmetric and not coupled and abs(balance) > LOST:
-        warn(
-            model,
-            f"the energy balance error is {balance:+.2g} of the energy put in, more than {LOST:g}; check the time"
-            " step, and loads or prescribed motion that begin suddenly",
+        advice = (
+            "bodies that are crushed into single nodes gain energy in contact; use half of this time step"
+            if model.settings.contact is not None
+            else "check the time step, and loads or prescribed motion that begin suddenly"
         )
+        warn(model, f"the energy balance error is {balance:+.2g} of the energy put in, more than {LOST:g}; {advice}")
 
 
 LITTLE = 0.1  # of the peak of a profile: a run in which less acts may be one of other units

@@ -48,15 +48,21 @@ DefineConstant[
 $forces
   growth = {"ramp 1", Name "Peridynamics/Loads/pull/Profile", Help "from 0 to the whole force in 1 s"}
 ];
-// With a displacement in place of the force, a crack grows step by step:
+// With a displacement in place of the force, a crack grows step by step; what Components omits stays free:
 //   Physical $shape("fix:pull") = {$example};
-//   DefineConstant[ shift = {0.1, Name "Peridynamics/Fixes/pull/Displacement x", Units "$unit"} ];
+//   DefineConstant[
+//     shift = {0.1, Name "Peridynamics/Fixes/pull/Displacement x", Units "$unit"},
+//     moves = {"x", Name "Peridynamics/Fixes/pull/Components"},
+//     growth = {"ramp 1", Name "Peridynamics/Fixes/pull/Profile"}
+//   ];
 
 // 4. The analysis: static for slow loads; explicit, with Run/Duration in s, for impact and fast cracks
 DefineConstant[
   solver = {"static", Name "Peridynamics/Run/Solver"},
   steps = {10, Name "Peridynamics/Run/Load steps"}
 ];
+// Slow cracks advance only with longer or stiffer bonds, which take longer to solve:
+//   DefineConstant[ profile = {"constant", Name "Peridynamics/Material/Micromodulus"} ];
 
 // The ${noun}s:
 $shapes

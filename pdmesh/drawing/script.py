@@ -162,35 +162,47 @@ def _reason(error: BaseException, path: Path) -> str:
 # ---- constants
 
 
-def _constant(statement: ast.stmt) -> tuple[str, ast.expr, float | str] | None:
-    """Name, value's node and value of a statement ``NAME = number or word``; None for any other."""
+def _constants(statement: ast.stmt) -> list[tuple[str, ast.expr, float | str]]:
+    """Names, nodes of values and values of ``NAME = number or word``, or of ``NAME, ... = number or word, ...``."""
     match statement:
         case ast.Assign(targets=[ast.Name(id=name)], value=value):
-            pass
+            pairs = [(name, value)]
         case ast.AnnAssign(target=ast.Name(id=name), value=ast.expr() as value):
-            pass
+            pairs = [(name, value)]
+        case ast.Assign(targets=[ast.Tuple(elts=names)], value=ast.Tuple(elts=values)) if len(names) == len(values):
+            pairs = [(each.id, value) for each, value in zip(names, values, strict=True) if isinstance(each, ast.Name)]
         case _:
-            return None
+            return []
+    return [
+        (name, value, literal) for name, value in pairs if (literal := _literal(value)) is not None and name != "scene"
+    ]
+
+
+def _literal(node: ast.expr) -> float | str | None:
+    """The number or word that an expression is; None for any other."""
     try:
-        literal = ast.literal_eval(value)
+        literal = ast.literal_eval(node)
     except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):
         return None
-    plain = isinstance(literal, int | float | str) and not isinstance(literal, bool)
-    return (name, value, literal) if plain and name != "scene" else None
+    return literal if isinstance(literal, int | float | str) and not isinstance(literal, bool) else None
 
 
 def _parameters(text: str, tree: ast.Module) -> list[Parameter]:
     lines = text.splitlines()
     parameters = []
     for statement in tree.body:
-        constant = _constant(statement)
-        if constant:
-            name, node, value = constant
-            comment = lines[(node.end_lineno or 1) - 1].encode()[node.end_col_offset or 0 :].decode().strip()
-            unit, colon, meaning = comment.removeprefix("#").partition(":") if comment.startswith("#") else ("", "", "")
-            if not colon and not any(unit.strip() in units for units in KINDS.values()):
-                unit, meaning = "", unit
-            parameters.append(Parameter(name, value, unit.strip(), meaning.strip()))
+        constants = _constants(statement)
+        comment = lines[(statement.end_lineno or 1) - 1].encode()[statement.end_col_offset or 0 :].decode().strip()
+        unit, colon, meaning = comment.removeprefix("#").partition(":") if comment.startswith("#") else ("", "", "")
+        units = [part.strip() for part in unit.split(", ")]
+        if not colon and not all(any(part in known for known in (*KINDS.values(), "-")) for part in units):
+            units, meaning = [""], unit
+        if len(units) != len(constants):
+            units = [", ".join(units)] * len(constants)
+        parameters += [
+            Parameter(name, value, unit_of_value, meaning.strip())
+            for (name, _, value), unit_of_value in zip(constants, units, strict=True)
+        ]
     return parameters
 
 
@@ -202,10 +214,15 @@ class _Constants(ast.NodeTransformer):
 
     def visit_Module(self, node: ast.Module) -> ast.Module:
         for statement in node.body:
-            constant = _constant(statement)
-            if constant and isinstance(statement, ast.Assign | ast.AnnAssign):
-                name, value, _ = constant
-                statement.value = ast.copy_location(ast.Constant(self._values[name]), value)
+            new = {
+                id(value): ast.copy_location(ast.Constant(self._values[name]), value)
+                for name, value, _ in _constants(statement)
+            }
+            if new and isinstance(statement, ast.Assign | ast.AnnAssign) and statement.value is not None:
+                if isinstance(statement.value, ast.Tuple) and id(statement.value) not in new:
+                    statement.value.elts = [new.get(id(value), value) for value in statement.value.elts]
+                else:
+                    statement.value = new[id(statement.value)]
         return node
 
 

@@ -245,6 +245,7 @@ def _reaction(args: argparse.Namespace) -> int:
         lines.append(
             f"{curve.name} ({curve.kind}): {force:+.4g} N{per} along {ways[along]} at {way * 1e3:+.4g} mm in the end,"
             f" {most:+.4g} N{per} at most"
+            + (f"; all components together {curve.peak_resultant:.4g} N{per}" if curve.is_oblique(along) else "")
         )
     rows = [
         (curve.name, curve.kind, step, time, *force, *way)
@@ -259,7 +260,8 @@ def _reaction(args: argparse.Namespace) -> int:
         *(f"force {way}, N{per}" for way in ways),
         *(f"displacement {way}, m" for way in ways),
     )
-    result = {"units": _units(per), "conditions": [curve._asdict() for curve in chosen_reactions]}
+    conditions = [curve._asdict() | {"peak_resultant": curve.peak_resultant} for curve in chosen_reactions]
+    result = {"units": _units(per), "conditions": conditions}
     return shared.deliver(args, result, lines, header, rows, path)
 
 
@@ -295,7 +297,7 @@ def _gap(args: argparse.Namespace) -> int:
 
             style.save(charts.openings(opening_curves, per), path)
     lines = [f"between nodes {opened.node_ids[0]} and {opened.node_ids[1]}"]
-    for curve in opening_curves:
+    for condition, curve in zip(conditions, opening_curves, strict=True):
         last, most = (
             f"{curve.force[k]:+.4g} N{per} at {curve.opening[k] * 1e3:+.4g} mm" for k in (-1, curve.peak_force_index)
         )
@@ -303,6 +305,11 @@ def _gap(args: argparse.Namespace) -> int:
         lines.append(
             f"{curve.condition_name}, along {'xyz'[curve.axis]}: {last} of opening in the end, {most} at most, {area}"
         )
+        if condition.is_oblique(curve.axis):
+            lines.append(
+                f"{curve.condition_name} has other components too, {condition.peak_resultant:.4g} N{per} together at"
+                " most: the area is not its work, which pdpost balance prints"
+            )
     rows = [
         (curve.condition_name, opening, force)
         for curve in opening_curves

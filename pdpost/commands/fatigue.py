@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 HEADER = (
     *("run", "tip", "cycles", "growth, m", "K, Pa m^0.5", "dK, Pa m^0.5", "da/dN to the next, m", "settled"),
     "range of stretch",
+    "opened area, m^2",
 )
 
 
@@ -48,6 +49,7 @@ def _fatigue(args: argparse.Namespace) -> int:
             "first_range": run.first_break_strain_range,
             "line": None if run.paris_line is None else fields_by_json_key(run.paris_line),
             "tips": [fields_by_json_key(tip) for tip in run.tip_growths],
+            "area": None if run.area_growth is None else run.area_growth._asdict(),
         }
         for run in runs
     ]
@@ -88,6 +90,11 @@ def _lines(run: FatigueLife) -> list[str]:
         f"{tip.name}: grown by {tip.grown_length[-1] * 1e3:.4g} mm until {tip.cycles[-1]:.4g} cycles"
         for tip in run.tip_growths
     ]
+    if run.area_growth is not None:
+        cycles, area = run.area_growth
+        opened = cycles[area > 0]
+        begin = f", the first before {opened[0]:.6g} cycles" if len(opened) else ""
+        lines.append(f"area that opened: {area[-1] * 1e6:.4g} mm^2{begin}")
     if run.tip_growths and run.paris_line is not None:
         at = float(run.paris_line.growth_per_cycle(np.array(10e6)))
         lines.append(
@@ -112,8 +119,12 @@ def _rows(run: FatigueLife) -> Any:
             none,
             None,
             run.first_break_strain_range,
+            none,
         )
+    if run.area_growth is not None:
+        for cycles, area in zip(*run.area_growth, strict=True):
+            yield (run.name, "body", cycles, none, none, none, none, None, none, area)
     for tip in run.tip_growths:
         rate, past_start = [*tip.growth_per_cycle.tolist(), none], [*tip.is_past_slow_start.tolist(), None]
         for row in zip(tip.cycles, tip.grown_length, tip.K, tip.dK, rate, past_start, strict=True):
-            yield (run.name, tip.name, *row, none)
+            yield (run.name, tip.name, *row, none, none)

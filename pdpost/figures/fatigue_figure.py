@@ -18,14 +18,17 @@ WIDER = 3.0  # times the range of the points that Wöhler's line is drawn over
 
 
 def fatigue(runs: Sequence[FatigueLife]) -> Figure:
-    """A panel of lengths and one of growth a cycle where cracks grow, and one of lives where smooth bodies break."""
+    """A panel of lengths and one of growth a cycle where cracks of plates grow, one of areas of bodies in space, and
+    one of lives where smooth bodies break."""
+    areas = [(run, run.area_growth) for run in runs if run.area_growth is not None]
     cracked = [run for run in runs if run.tip_growths]
     smooth = [
         run
         for run in runs
-        if not run.tip_growths or (run.fatigue_law.A1 is not None and run.first_break_cycles is not None)
+        if not (run.tip_growths or run.area_growth)
+        or (run.fatigue_law.A1 is not None and run.first_break_cycles is not None)
     ]
-    panels = 2 * bool(cracked) + bool(smooth)
+    panels = 2 * bool(cracked) + bool(areas) + bool(smooth)
     figure = Figure(figsize=(WIDTH * max(panels, 1.2) / 2, 3.4), layout="constrained")
     axes = figure.subplots(1, panels, squeeze=False)[0].tolist()
     if cracked:
@@ -35,6 +38,12 @@ def fatigue(runs: Sequence[FatigueLife]) -> Figure:
         axes[0].set(xlabel="cycles", ylabel="growth of the crack, mm")
         axes[0].legend(frameon=False, fontsize="small")
         _growth(axes[1], cracked, len(runs) > 1)
+    if areas:
+        opened = axes[2 * bool(cracked)]
+        for number, (run, (cycles, area)) in enumerate(areas):
+            opened.plot(cycles, area * 1e6, marker=".", lw=1.2, label=for_legend(run.name), **look(number))
+        opened.set(xlabel="cycles", ylabel="area that opened, mm²")
+        opened.legend(frameon=False, fontsize="small")
     if smooth:
         _lives(axes[-1], smooth)
     for panel in axes:

@@ -9,7 +9,7 @@ from that of the first frame, K0, to that of the second, K1, takes as many cycle
     dK^m = m log(K1 / K0) / (K0^-m - K1^-m)
 
 The life of a smooth body is that until its first bonds break. Its line, Wöhler's, is N = 1 / (A1 eps^m1) over the range
-eps of their stretch.
+eps of their stretch. Of a body in space the area that opened is measured over the cycles.
 """
 
 from __future__ import annotations
@@ -23,8 +23,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Cycled, Fatigue, Horizon, Run
+from pdmesh.model.output_fields import CRACKED
 from pdsolve.measures import stress_intensities
+from pdsolve.measures.crack_faces import build_crack_surface, find_opened_face_neighbours
 from pdsolve.measures.embedded_model import read
+from pdsolve.measures.frame_steps import frames
 from pdsolve.results import Results, ResultsError
 
 Array = NDArray[np.float64]
@@ -61,6 +64,13 @@ class ParisLine(NamedTuple):
         return np.asarray(self.C * dK**self.m)
 
 
+class CrackAreaGrowth(NamedTuple):
+    """The area of the cracks of a body in space that opened under loads that repeat."""
+
+    cycles: Array  # (t,) of the frames
+    area: Array  # (t,) m^2
+
+
 class FatigueLife(NamedTuple):
     """What a run under loads that repeat came to."""
 
@@ -72,8 +82,9 @@ class FatigueLife(NamedTuple):
     )  # cycles until its first bonds broke; None: none did, or the crack is one of particles
     first_break_strain_range: float | None  # of the stretch of these bonds
     fatigue_law: Fatigue
-    tip_growths: list[TipFatigueGrowth]  # of its cracks; empty: a smooth body
+    tip_growths: list[TipFatigueGrowth]  # of the cracks of a plate; empty: a smooth one
     paris_line: ParisLine | None  # Paris's, through these
+    area_growth: CrackAreaGrowth | None = None  # of a body in space
 
     def woehler_cycles_to_break(self, strain_range: Array) -> Array:
         """Wöhler's line: cycles until bonds stretched by these ranges break, away from damage."""
@@ -129,13 +140,33 @@ def measure_fatigue_life(
     """The life of a run, and the growth of its cracks. Raises ResultsError."""
     N, model = cycles_after_steps(results), read(results, _FatigueGridFileKeys)
     said = results.summary()
-    growths = measure_tip_growths(results, steps, progress) if model.notch else []
+    is_body = results.dimension == 3
+    growths = measure_tip_growths(results, steps, progress) if model.notch and not is_body else []
     first, stretch = (said.get(name) for name in ("first_break", "first_range"))
     broke = first is not None and stretch is not None and stretch > 0
     fatigue = model.run.fatigue or Fatigue()
     name = Path(results.name).stem
     broken = (first, stretch) if broke else (None, None)
-    return FatigueLife(name, float(N[-1]), said.get("cycles_error"), *broken, fatigue, growths, fit_paris_line(growths))
+    return FatigueLife(
+        name,
+        float(N[-1]),
+        said.get("cycles_error"),
+        *broken,
+        fatigue,
+        growths,
+        fit_paris_line(growths),
+        measure_area_growth(results, N) if is_body else None,
+    )
+
+
+def measure_area_growth(results: Results, cycles: Array) -> CrackAreaGrowth:
+    """The area that opened in a body until each frame; `cycles` (s + 1,) are those after each step."""
+    steps, times = frames(results)
+    surface = build_crack_surface(
+        results, int(steps[-1]), find_opened_face_neighbours(results, int(steps[-1]), CRACKED)
+    )
+    known = steps < len(cycles)
+    return CrackAreaGrowth(cycles[steps[known]], surface.grown_area_at(times[known]))
 
 
 def cycles_after_steps(results: Results) -> Array:

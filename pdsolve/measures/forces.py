@@ -66,7 +66,17 @@ class ConditionForceHistory(NamedTuple):
         """The row with the largest force along the main axis, by its size."""
         return int(np.abs(self.force[:, self.main_axis]).argmax())
 
+    @property
+    def peak_resultant(self) -> float:
+        """The largest size of the force, all components together."""
+        return float(reduce(np.hypot, self.force.T).max())
 
+    def is_oblique(self, axis: int) -> bool:
+        """Whether the largest force has other components than that along an axis."""
+        return self.peak_resultant > OBLIQUE * float(np.abs(self.force[:, axis]).max())
+
+
+OBLIQUE = 1.02  # of a component: the largest force is larger, so that another component has a fifth of it
 STILL = 1e-3  # of the largest displacement: a condition that moves less is fixed
 
 

@@ -46,8 +46,8 @@ def model_with_load_steps(model: Model) -> Model:
     steps = run.static.load_steps or (STEPS if varies else 1)
     if not varies and steps > 1:
         raise ModelError(
-            f"{model.name}: $.run.static.load_steps is {steps}, and nothing varies with time; use 1, or a condition"
-            " with a profile"
+            f"{model.name}: $.run.static.load_steps is {steps}, and nothing varies with time; give a load or a"
+            " displacement a profile, such as 'ramp 1' (Profile in a drawing), or use 1 step"
         )
     step = (end if varies else 1.0) / steps
     changed = msgspec.structs.replace(run, time_step=step, steps=steps, every=1, ledger=1)

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pdmesh import Circle, Fatigue, Material, Run, Scene, box, build
+from pdmesh import Body, Box, Circle, Fatigue, Material, Run, Scene, box, build
 from pdpost.__main__ import main as pdpost
 from pdpost.figures.fatigue_figure import fatigue as figure
 from pdsolve.measures.fatigue import FatigueLife, ParisLine, TipFatigueGrowth
@@ -60,6 +60,33 @@ def test_smooth_bodies_lie_on_woehlers_line(
     rows = list(csv.DictReader(io.StringIO(capsys.readouterr().out)))
     assert [(row["run"], row["tip"]) for row in rows] == [("bar1", "first break"), ("bar2", "first break")]
     assert float(rows[1]["range of stretch"]) == both[1]["first_range"]
+
+
+@pytest.mark.slow
+def test_the_area_that_opened_in_a_body_is_measured_over_cycles(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A bar in space, which is notched half through, until its crack has gone some spacings."""
+    run = Run(solver="static", steps=60, every=2, fatigue=Fatigue(A=1e15, m=4.0))
+    bar = (
+        Body(Box((0, 0, 0), (0.012, 0.012, 0.005)), 1e-3, STEEL, 3.0, run)
+        .crack(
+            [
+                [(-1, 0.006, -1), (0.004, 0.006, -1), (0.004, 0.006, 1)],
+                [(-1, 0.006, -1), (-1, 0.006, 1), (0.004, 0.006, 1)],
+            ]
+        )
+        .fix("front", x=0, y=0, z=0)
+        .fix("back", x=0, y=2e-5, z=0)
+    )
+    built, path = build(bar), tmp_path / "bar.sqlite"
+    simulate(Model(built.grid, built.settings), path, Options(threads=1)).close()
+    assert pdpost(["fatigue", str(path), "-o", str(tmp_path / "bar.png"), "--json"]) == 0
+    cycles, area = (np.array(column) for column in json.loads(capsys.readouterr().out)["area"].values())
+    assert (np.diff(cycles) >= 0).all()
+    assert (np.diff(area) >= 0).all()
+    assert cycles[0] == area[0] == 0
+    assert 1e-6 * 5 < area[-1] <= 0.008 * 0.005  # m^2: more than a spacing, less than what is not cut
 
 
 def life(name: str, given: Fatigue, line: ParisLine | None, first: float | None = None) -> FatigueLife:

@@ -58,6 +58,32 @@ def test_constants_take_the_unit_of_their_comment(tmp_path: Path) -> None:
     ]
 
 
+def test_constants_of_one_line_are_parameters(tmp_path: Path) -> None:
+    """Each has its unit, or all have the same."""
+    path = tmp_path / "plate.py"
+    path.write_text(
+        "mass, damping = 4.0, 1e3  # -, 1/s: calibrated\nlength, width = 0.1, 20.0  # m\na, b = 1, len('ab')\n"
+    )
+    given = [("damping", "2e3"), ("width", "30mm")]
+    assert [(it.name, it.value, it.unit, it.meaning) for it in script_parameters(path, given, trust=True)] == [
+        ("mass", 4.0, "-", "calibrated"),
+        ("damping", 2e3, "1/s", "calibrated"),
+        ("length", 0.1, "m", ""),
+        ("width", 0.03, "m", ""),
+        ("a", 1, "", ""),
+    ]
+
+
+@pytest.mark.slow
+def test_constants_of_one_line_can_be_set(path: Path) -> None:
+    text = TEXT.replace("rows = 2", "rows, shape_of_grip = 2, 'none'")
+    assert text != TEXT
+    path.write_text(text)
+    scene = read_script(path, [("rows", "3")], trust=True)
+    assert scene.conditions[0].place.rows == 3
+    assert dict(scene.parameters)["shape_of_grip"] == "none"
+
+
 @pytest.mark.slow
 def test_constants_can_be_set(path: Path) -> None:
     scene = read_script(path, [("spacing", "5e-4"), ("rows", "3"), ("kind", "left"), ("shift", "0")], trust=True)
