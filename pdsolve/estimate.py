@@ -219,7 +219,7 @@ def _estimate_diffusion_cost(model: Model, options: Options) -> Plan:
     """Cost of solving a model of diffusion, which is prepared for this."""
     system = prepare(model, options).system
     bonds, run, nodes = system.directed_bond_count, system.model.settings.run, len(model.grid)
-    seconds = run.steps * (DIFFUSING_BOND * bonds + DIFFUSING_NODE * nodes) + run.steps / run.every * (
+    seconds = run.steps * (DIFFUSING_BOND * bonds + DIFFUSING_NODE * nodes) + run.steps / run.frame_interval * (
         FRAME + FRAME_NODE * nodes
     )
     memory = DIFFUSING + DIFFUSING_BOND_BYTES * bonds + DIFFUSING_NODE_BYTES * nodes
@@ -273,7 +273,7 @@ def estimate_size(
         update *= DAMPED
     if run.adapt == "collocation":
         update *= COLLOCATED
-    ledgers, frames = run.steps / (run.ledger or run.every), run.steps / run.every
+    ledgers, frames = run.steps / (run.ledger or run.frame_interval), run.steps / run.frame_interval
     seconds = run.steps * update / (1 + SHARED * (threads - 1))
     seconds += ledgers * (LEDGER + LEDGER_BOND * directed_bond_count) + frames * (FRAME + FRAME_NODE * node_count)
     if run.start == "static":

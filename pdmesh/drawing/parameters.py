@@ -367,7 +367,7 @@ def medium(parameters: Parameters) -> Medium | Heat | None:
 def run(parameters: Parameters) -> Run:
     """Solver settings, with the number of steps from the duration and the time step."""
     step, duration = parameters.maybe("Run/Time step"), parameters.maybe("Run/Duration")
-    settings = {"every": 50, **given_fields(parameters, "Run", Run, RUN)}
+    settings = given_fields(parameters, "Run", Run, RUN)
     settings["adapt"] = parameters.text("Run/Adapt", "none", ADAPTS)
     if cracks := parameters.text("Run/Cracks", of=("", "bonds", "particles")):
         settings["cracks"] = cracks

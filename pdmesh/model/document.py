@@ -258,6 +258,7 @@ class Collocation(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_def
     damped: bool = False  # true: permit models with fewer than 12 spacings in a horizon, whose damping removes energy
 
 
+LEAST_FRAMES, MOST_BETWEEN_FRAMES = 40, 50  # of runs whose model says neither
 DeviceName = Annotated[str, msgspec.Meta(pattern=r"^(cpu|opencl(:\d{1,3})?)$")]
 
 
@@ -266,7 +267,7 @@ class Run(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tr
 
     time_step: Positive | None = None  # s: time step; none: the stable time step
     steps: Annotated[int, msgspec.Meta(ge=0, le=MOST_STEPS)] = 1000  # number of time steps, unless duration is given
-    every: PositiveInt = 50  # number of steps between two frames
+    every: PositiveInt | None = None  # number of steps between two frames; none: at most 50, at least 40 frames in all
     ledger: PositiveInt | None = None  # number of steps between two records of the energy balance, reactions and
     # probes; none: that of frames
     fields: tuple[Column, ...] = USUAL  # fields that a frame stores; the default list stores the further fields of the
@@ -306,21 +307,35 @@ class Run(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tr
     device: DeviceName = "cpu"  # what sums the bonds: the processor (cpu), the first OpenCL device, or the OpenCL
     # device of this number
 
+    @property
+    def frame_interval(self) -> int:
+        """Number of steps between two frames; of files that do not say it, that of the runs they are of."""
+        return self.every or MOST_BETWEEN_FRAMES
+
 
 def in_steps(run: Run, step: float) -> Run:
-    """The run with its duration expressed in steps of `step` s; a run at rest is returned unchanged.
+    """The run with its duration expressed in steps of `step` s, and with the number of steps between two frames; a run
+    at rest is returned unchanged.
 
     Raises GridError for too many steps.
     """
-    if run.duration is None or run.solver == "static":
+    if run.solver == "static":
         return run
+    if run.duration is None:
+        return _with_frame_interval(run)
     steps = max(1.0, run.duration / step - SLACK)
     if steps > MOST_STEPS:
         raise GridError(
             f"$.run.duration: {run.duration:g} s in steps of {step:.3g} s are too many steps; use at most"
             f" {MOST_STEPS:g}"
         )
-    return msgspec.structs.replace(run, steps=math.ceil(steps), duration=None)
+    return _with_frame_interval(msgspec.structs.replace(run, steps=math.ceil(steps), duration=None))
+
+
+def _with_frame_interval(run: Run) -> Run:
+    if run.every is not None:
+        return run
+    return msgspec.structs.replace(run, every=min(MOST_BETWEEN_FRAMES, max(1, run.steps // LEAST_FRAMES)))
 
 
 class Settings(PlainStruct, frozen=True, forbid_unknown_fields=True):

@@ -269,8 +269,9 @@ def changed(scene: Scene, finest: float, ratio: float, adapt: str = "none") -> S
     step, old = _stable(scene, ratio, finest), scene.run.time_step or _stable(scene, scene.horizon, scene.finest)
     if not np.isfinite(old) or not np.isfinite(step):
         raise SceneError(f"horizon is {scene.horizon:g}, where bonds have no stiffness; use more (3 is usual)")
-    steps = int(np.ceil(in_steps(scene.run, old).steps * old / step))
-    every = max(1, round(scene.run.every * old / step))
+    counted = in_steps(scene.run, old)
+    steps = int(np.ceil(counted.steps * old / step))
+    every = max(1, round(counted.frame_interval * old / step))
     run = msgspec.structs.replace(scene.run, time_step=step, steps=steps, duration=None, every=every, adapt=adapt)
     return replace(rescaled_scene, run=run)
 

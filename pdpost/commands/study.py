@@ -45,13 +45,20 @@ def add(commands: Commands) -> None:
     add_style(study)
     add_journal(study)
     add_csv(study)
+    study.add_argument(
+        "--runs", metavar="FILE", help="write all runs as a table of CSV, with column heads in words and SI units"
+    )
     study.set_defaults(run=_study)
 
 
 def _study(args: argparse.Namespace) -> int:
+    from pdmesh.files import write_atomically
     from pdpost.reading import scatter, studies
 
     path = picture_path(args, ".study.png")
+    if args.runs is not None:
+        runs = commandline.output_path(Path(args.runs), args.results, ".csv", args.force)
+        write_atomically(runs, studies.runs_csv(args.results))
     with shared.styled(path, dict(args.assignments)):
         study = studies.read(args.results)
         measures, over = scatter.choose_measures_and_parameter(study, args.measure, args.over)

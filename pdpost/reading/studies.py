@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.files import FilePath
-from pdmesh.plain_text import for_html
+from pdmesh.plain_text import for_csv, for_html
 from pdsolve.measures.crack_summary import crack, path_point_table
 from pdsolve.results import Results
 from pdsolve.study.description import StudyError
 from pdsolve.study.measure_columns import OWN
-from pdsolve.study.table import FINISHED, Column, Row, Table, is_study
+from pdsolve.study.table import FINISHED, Column, Row, Table, head, is_study
 
 SHOWN = 12  # rows
 
@@ -135,6 +135,16 @@ def study_table(path: FilePath) -> TableColumns:
         [*run_columns, *names],
         [[*(getattr(row, name) for name in run_columns), *(row.values[name] for name in names)] for row in rows],
     )
+
+
+def runs_csv(path: FilePath) -> bytes:
+    """All runs of the study at `path` as CSV: heads in words with units, SI values. Raises StudyError."""
+    with Table.open(Path(path)) as table:
+        rows, columns = table.rows(), table.columns()
+    run_columns = ("number", "status", "error", "repetition")
+    lines: list[list[Any]] = [[*run_columns, *(head(name, column) for name, column in columns.items())]]
+    lines += [[*(getattr(row, name) for name in run_columns), *(row.values[name] for name in columns)] for row in rows]
+    return "".join(",".join(map(for_csv, line)) + "\n" for line in lines).encode()
 
 
 def _array(values: list[Any]) -> NDArray[Any]:

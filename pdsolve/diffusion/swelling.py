@@ -211,7 +211,7 @@ def cycle_of(run: Run, step: float, bound: float) -> int:
     It divides the steps between two records, which so have both at the same time.
     """
     most = max(1, min(CYCLE, int(bound / step)))
-    between = math.gcd(run.every, run.ledger or run.every)
+    between = math.gcd(run.frame_interval, run.ledger or run.frame_interval)
     return max(cycle for cycle in range(1, most + 1) if between % cycle == 0)
 
 

@@ -43,9 +43,11 @@ def verify_database(results: Results) -> DatabaseContents:
     if marches:
         for table, step, time in (("frame", steps, times), ("the ledger", ledger["step"], ledger["time"])):
             _expect_times_match_steps(results, table, step, time, float(meta["time_step"]))
-    odd = steps[:-1][steps[:-1] % run.every != 0]
+    odd = steps[:-1][steps[:-1] % run.frame_interval != 0]
     if len(odd):
-        raise DamagedError(f"{results.name}: there is a frame at step {odd[0]}; frames are every {run.every} steps")
+        raise DamagedError(
+            f"{results.name}: there is a frame at step {odd[0]}; frames are every {run.frame_interval} steps"
+        )
     for step in steps.tolist():
         for name in results.stored(step):
             results.field(name, step)

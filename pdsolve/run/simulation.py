@@ -346,7 +346,8 @@ def _advance_to_end(recorder: Recorder, writer: BackgroundWriter, job: Job) -> s
         next_check = recorder.change_nodes_if_due(step)
         regridder, most = recorder.system.regridder, int(PATIENCE / max(recorder.system.directed_bond_count, 1))
         chunk = pace.choose_batch_step_count(regridder.least_steps, most)
-        records = next_multiple(step, run.every), next_multiple(step, run.ledger or run.every), run.steps
+        next_row = next_multiple(step, run.ledger or run.frame_interval)
+        records = next_multiple(step, run.frame_interval), next_row, run.steps
         end = min(step + chunk, next_check, *records)
         began = running_time()
         last = recorder.advance(step + 1, end + 1)
@@ -362,7 +363,7 @@ def _advance_to_end(recorder: Recorder, writer: BackgroundWriter, job: Job) -> s
             collected = step
             recorder.record_step(step)
         done = _stop_criterion_is_met(recorder, step) if is_record else step < end
-        with_fields = is_record and (step % run.every == 0 or step == run.steps or done)
+        with_fields = is_record and (step % run.frame_interval == 0 or step == run.steps or done)
         if with_fields or done or interrupted or (is_record and recorder.checkpoint_is_old):
             with_checkpoint = step == run.steps or done or interrupted
             writer.write(partial(recorder.make_frame, step, with_fields, with_checkpoint))

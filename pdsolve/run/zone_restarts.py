@@ -43,7 +43,7 @@ def plan_zone_restart(
         else model
     )
     wider = model_with_wider_zone_or_fine_everywhere(now)
-    step = max(fine_zone_too_late.step - EVERY - 1, 0) // run.every * run.every
+    step = max(fine_zone_too_late.step - EVERY - 1, 0) // run.frame_interval * run.frame_interval
     if wider.settings.run.adapt == "none":
         return (now if refinement_thresholds else wider), ()
     if step == 0 or model.grid.dimension == 3:

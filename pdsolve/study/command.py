@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pdmesh import commandline, stopping
 from pdmesh.file_kinds import FileKind
 from pdmesh.plain_text import print_to_stderr
+
+if TYPE_CHECKING:
+    from pdsolve.study.description import Study
 
 LISTED = 10  # runs that failed, in lines
 
@@ -68,7 +73,8 @@ def _study(args: argparse.Namespace) -> int:
     study = read_study(args.study)
     path = commandline.output_path(args.output, args.study, ".sqlite", force=True)  # what is there is gone on with
     workers = StudyWorkers(args.workers, args.threads, args.scheduler, args.trust)
-    with stopping.patience(stopping.WORKERS), StudyWatch(args.quiet) as watch:
+    price = partial(_price_line, study, path, args)
+    with stopping.patience(stopping.WORKERS), StudyWatch(args.quiet, price) as watch:
         try:
             rows = solve_study(study, path, workers, watch, args.again, args.force)
         except KeyboardInterrupt:
@@ -88,6 +94,21 @@ def _study(args: argparse.Namespace) -> int:
     ]
     commandline.report({"output": str(path), "runs": runs}, lines, args)
     return commandline.FAILURE if failed else commandline.OK
+
+
+def _price_line(study: Study, path: Path, args: argparse.Namespace) -> str:
+    """What the runs will take that the table at `path` has as waiting; "" if none waits."""
+    from pdsolve.numerics.thread_team import cores
+    from pdsolve.study.plan import price_line, price_study
+    from pdsolve.study.table import WAITING, Table
+
+    if args.scheduler:  # whose workers are other machines
+        return ""
+    with Table.open(path) as table:
+        over = {row.key for row in table.rows() if row.status != WAITING and not (args.again and row.error)}
+    workers = args.workers or max(1, cores() // args.threads)
+    price = price_study(study, over, workers, args.threads, args.trust)
+    return "" if price is None else f"pdsolve study: {price_line(price)}"
 
 
 def _exits() -> dict[type[Exception], int]:

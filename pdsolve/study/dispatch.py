@@ -154,7 +154,9 @@ class StudyWatch:
         solve_study(study, path, watch=watch)
     """
 
-    def __init__(self, quiet: bool = False) -> None:
+    def __init__(self, quiet: bool = False, price: Callable[[], str] | None = None) -> None:
+        """A watch that first prints the line that `price` returns, and is `quiet` but for runs that wait."""
+        self._price = price
         self._quiet, self._said = quiet, time.monotonic()
         self._bar: Any = None
 
@@ -173,6 +175,9 @@ class StudyWatch:
             )
         if self._quiet:
             return
+        if self._price is not None and (line := self._price()):
+            print_to_stderr(line)
+        self._price = None
         if self._bar is None:
             self._bar = make_progress_bar("solving", " runs", total=progress.runs, initial=done)
         if self._bar is not None:

@@ -2,17 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import heapq
-from collections.abc import Sequence
-from typing import Any
+import warnings
+from collections.abc import Container, Sequence
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from pdmesh import GridError, SceneError
 from pdmesh.files import FilePath
 from pdmesh.model.amounts import pair_count
 from pdsolve.codegen import jit_cache
-from pdsolve.estimate import measure_machine_slowdown
+from pdsolve.estimate import estimate_run, measure_machine_slowdown
+from pdsolve.model import ModelError
 from pdsolve.numerics.thread_team import cores
 from pdsolve.study import run_model
-from pdsolve.study.description import read_study
+from pdsolve.study.description import Study, read_study
 
 # Seconds on the machine of `pdsolve.estimate`: of the command and then its processes, until they solve, a third
 # of it for kernels that are read; of a run besides what its plan has, and for each of its nodes: it is built and
@@ -20,6 +27,7 @@ from pdsolve.study.description import read_study
 START = 4.0
 AROUND, AROUND_NODE = 0.05, 3e-5
 COMPILE = 8.0
+SAMPLE = 3  # runs that are built for the price of a study
 LISTED = 12  # different runs, in lines
 
 
@@ -49,6 +57,62 @@ def plan_study(path: FilePath, trust: bool = False) -> dict[str, Any]:
             for case, number, plan in planned
         ],
     }
+
+
+class Price(NamedTuple):
+    """What the runs of a study that are still to be solved cost, estimated from some of them."""
+
+    runs: int
+    workers: int
+    seconds: float  # until all are solved
+    core_seconds: float
+    memory: int  # bytes, of the largest run of the sample
+
+
+def price_study(
+    study: Study, finished: Container[str], workers: int, threads: int, trust: bool = False
+) -> Price | None:
+    """The price of the runs whose keys are not `finished`; None without any, and if no run of the sample can be built.
+
+    At most `SAMPLE` different runs, spread over all, are built. Raises StudyError.
+    """
+    cases = [case for case in study.cases() if case.key not in finished]
+    if not cases:
+        return None
+    rows = np.unique(np.linspace(0, len(cases) - 1, SAMPLE).round().astype(int)).tolist()
+    plans = []
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the runs will warn
+        for row in rows:
+            case = dataclasses.replace(cases[row], repetition=0)
+            with contextlib.suppress(SceneError, GridError, ModelError, OSError):  # said of each run
+                model = run_model.model_of_run(study.drawing, case, trust)
+                plans.append(estimate_run(model, run_model.options(case, threads)))
+    if not plans:
+        return None
+    rate = measure_machine_slowdown()
+    mean = sum(plan.wall_time + rate * (AROUND + AROUND_NODE * plan.nodes) for plan in plans) / len(plans)
+    workers = min(workers, len(cases))
+    compiling = 0.0 if jit_cache.is_kept() else rate * COMPILE
+    wall = wall_time_of_processes([mean] * len(cases), workers)
+    core_seconds = threads * (mean * len(cases) + compiling)
+    return Price(len(cases), workers, rate * START + compiling + wall, core_seconds, max(plan.memory for plan in plans))
+
+
+def price_line(price: Price) -> str:
+    """A price in words."""
+    runs = f"{price.runs} run{'s' * (price.runs > 1)}"
+    processes = f"{price.workers} process{'es' * (price.workers > 1)}"
+    return (
+        f"{runs} to solve: about {_duration(price.seconds)} with {processes},"
+        f" {price.core_seconds / 3600:.2g} core hours, {price.memory / 1e6:.3g} MB of memory each"
+    )
+
+
+def _duration(seconds: float) -> str:
+    """A duration in s, min or h."""
+    size, unit = next((entry for entry in ((3600, "h"), (60, "min")) if seconds >= 2 * entry[0]), (1, "s"))
+    return f"{seconds / size:.2g} {unit}"
 
 
 def wall_time_of_processes(runs: Sequence[float], workers: int) -> float:

@@ -2,6 +2,7 @@
 
     SELECT "Zones/fine/Spacing", branching FROM run WHERE status = 'finished'
 
+The view ``run_in_words`` has the same rows, with columns that say what they are and in which unit.
 The table ``run`` has a column for each parameter and each measure, ``column_unit`` describes them, ``study`` holds the
 study itself, ``checksum`` detects damage; older tables have none.
 
@@ -31,6 +32,7 @@ from pdsolve.study.measure_columns import OWN, UNITS, Measure
 WHOLE = ("study", "column_unit")  # small tables
 FILE = re.compile(r"[^/\\\0]+\.runs/\d{4,}\.sqlite")  # of a run: in a folder beside the table, nowhere else
 APPLICATION_ID = 0x70647374  # "pdst"
+VIEW = "run_in_words"
 WAITING, FINISHED, FAILED = "waiting", "finished", "failed"
 FINISHED_RUNS = "SELECT number FROM run WHERE status = ?"
 
@@ -136,6 +138,12 @@ class Column(NamedTuple):
     kind: str  # drawing, model, options, measure
     unit: str
     meaning: str
+
+
+def head(name: str, column: Column) -> str:
+    """The head of a column in words: its name, what it means and its unit."""
+    meaning = f": {column.meaning}" if column.meaning else ""
+    return f"{name}{meaning} ({column.unit})" if column.unit else f"{name}{meaning}"
 
 
 class Table:
@@ -267,8 +275,17 @@ class Table:
                     stored = [_stored(value) for value in row.values()]
                     self.connection.execute(f"INSERT INTO run ({names}) VALUES ({marks})", stored)
                     new.append(number)
+            self._write_view()
             seal(self.connection, [*new, *again])
         return {case.key: numbers[case.key] for case in cases}
+
+    def _write_view(self) -> None:
+        """Write the view whose columns have heads in words."""
+        heads = [f"{quoted(name)} AS {quoted(head(name, column))}" for name, column in self.columns().items()]
+        self.connection.execute(f"DROP VIEW IF EXISTS {VIEW}")
+        self.connection.execute(
+            f"CREATE VIEW {VIEW} AS SELECT {', '.join(['number', 'status', 'error', 'repetition', *heads])} FROM run"
+        )
 
     def _column(self, name: str, column: Column) -> bool:
         """Add a column that is not there; returns whether it is new, or a measure of another quantity than before."""

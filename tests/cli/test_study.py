@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import re
 import shutil
@@ -99,6 +100,37 @@ def edit(*statements: str) -> None:
     with closing(sqlite3.connect("study.sqlite")) as connection, connection:
         for statement in ("DROP TABLE IF EXISTS checksum", *statements):
             connection.execute(statement)
+
+
+@pytest.mark.slow
+def test_a_table_is_read_without_a_page(solved: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its view and its CSV have heads that say what a column is, with the unit."""
+    with closing(sqlite3.connect("study.sqlite")) as connection:
+        view = connection.execute("SELECT * FROM run_in_words ORDER BY number")
+        heads, shown = [entry[0] for entry in view.description], view.fetchall()
+    assert pdpost(["study", "study.sqlite", "--runs", "runs.csv", "-q"]) == 0
+    with Path("runs.csv").open(newline="") as file:
+        head, *lines = csv.reader(file)
+    assert head == heads
+    assert "first_break: when the first bond broke (s)" in head
+    assert any(name.startswith("material.G0") and name.endswith("(J/m^2)") for name in head)
+    at = head.index("nodes: nodes")
+    assert [line[at] for line in lines] == ["252" if row["nodes"] else "" for row in rows(solved)]
+    assert [row[at] for row in shown] == [row["nodes"] for row in rows(solved)]
+
+
+@pytest.mark.slow
+def test_the_price_is_printed_before_the_runs(
+    solved: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Of what is still to be solved: nothing, after all runs are finished."""
+    monkeypatch.setattr(dispatch, "_solve_tasks", in_this_process)
+    Path("study.toml").write_text(STUDY.replace('"horizon.ratio" = [3, 1]', '"horizon.ratio" = [3]'))
+    assert main(["study", "study.toml", "--workers", "2"]) == 0
+    assert "to solve" not in capsys.readouterr().err
+    assert main(["study", "study.toml", "--workers", "2", "-o", "new.sqlite"]) == 0
+    first, *_ = capsys.readouterr().err.splitlines()
+    assert mentions(first, "4 runs to solve", "2 processes", "core hours", "MB")
 
 
 @pytest.mark.slow
