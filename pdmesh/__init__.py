@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pdmesh.drawing.file_reading import build_file, file_parameters, read_scene
     from pdmesh.drawing.geo import read_outline
     from pdmesh.model.document import Fatigue, Gap, GridError, LoadCell, Material, ParticleRules, Run, Static
+    from pdmesh.model.laminate import laminate
     from pdmesh.model.medium import Medium
     from pdmesh.scene.body import Body
     from pdmesh.scene.conditions import friedlander, ramp
@@ -53,6 +54,7 @@ else:
             "build_file": "pdmesh.drawing.file_reading",
             "file_parameters": "pdmesh.drawing.file_reading",
             "friedlander": "pdmesh.scene.conditions",
+            "laminate": "pdmesh.model.laminate",
             "ramp": "pdmesh.scene.conditions",
             "read_outline": "pdmesh.drawing.geo",
             "read_scene": "pdmesh.drawing.file_reading",
@@ -85,6 +87,7 @@ __all__ = [
     "build_file",
     "file_parameters",
     "friedlander",
+    "laminate",
     "ramp",
     "read_outline",
     "read_scene",

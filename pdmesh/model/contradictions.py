@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from itertools import starmap
 from typing import NamedTuple
 
 import msgspec
@@ -19,6 +20,7 @@ from pdmesh.model.materials import KINDS, MIXED, Refusal, Refusals, law_name, re
 from pdmesh.model.materials.kind import softens
 from pdmesh.model.mechanical_conditions import RigidBody
 from pdmesh.model.medium import Medium, Solid, contradiction
+from pdmesh.model.orthotropic import not_of_springs
 from pdmesh.model.output_fields import OF_CONTENT
 from pdmesh.model.output_fields import USUAL as USUAL_FIELDS
 
@@ -161,6 +163,7 @@ def _refusals(material: Material) -> Refusals:
         value = getattr(material, name)
         if value < LEAST_OF_MATERIAL and not (name == "G0" and value == UNKNOWN):  # which a critical stretch gives
             yield Refusal(name, f"{LEAST_OF_MATERIAL:g} to {MOST:g} in SI units")
+    yield from starmap(Refusal, not_of_springs(material))
     for name, usual in refused_by(kind.name):
         if getattr(material, name) != usual:
             yield Refusal(name, f"none with model '{kind.name}'")

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 ORTHOTROPIC = "orthotropic"  # `Material.solid`
 WIDTH = 13  # components of C that a turn about z leaves: 11 12 13 16 22 23 26 33 36 44 45 55 66, 6 = xy, 5 = xz, 4 = yz
+NEAR = 0.01  # shear moduli this near are one
 BY_PLANE = {"stress": (), "strain": ("E3", "nu13", "nu23"), "space": ("E3", "nu13", "nu23", "G13", "G23")}
 
 
@@ -60,6 +61,23 @@ def inadmissible(material: Material) -> Iterator[tuple[str, str]]:
     twice = 2 * nu12 * nu23 * nu13 * E3 / E1
     if not 1 - nu12**2 * E2 / E1 - nu23**2 * E3 / E2 - nu13**2 * E3 / E1 - twice > 0:
         yield "nu23", "Poisson's ratios with 1 - nu12 nu21 - nu23 nu32 - nu13 nu31 - 2 nu21 nu32 nu13 above 0"
+
+
+def not_of_springs(material: Material) -> Iterator[tuple[str, str]]:
+    """What a model of springs says to an orthotropic solid: springs have C12 = C66, and no law of plies."""
+    if material.model != "bond" or material.solid != ORTHOTROPIC:
+        return
+    E2, nu12 = material.E2, material.nu
+    if E2 is None or nu12 is None or material.G12 is None or not nu12**2 < material.E / E2:
+        yield "solid", "none with model 'bond'"
+        return
+    G12 = nu12 * E2 / (1 - nu12**2 * E2 / material.E)
+    if abs(G12 - material.G12) <= NEAR * G12:
+        yield "model", "'correspondence', as bonds have no stiffness by direction"
+        return
+    root = (1 + 4 * material.G12**2 / (material.E * E2)) ** 0.5  # of nu12 by G12 nu21 nu12 + E2 nu12 - G12 = 0
+    nu12 = 2 * material.G12 / (E2 * (1 + root))
+    yield "G12", f"model 'correspondence': springs have G12 = {G12:.4g} Pa here, or nu = {nu12:.4g} with this G12"
 
 
 def stiffness(constants: EngineeringConstants, angle: Array | float) -> Array:

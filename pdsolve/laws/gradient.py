@@ -26,7 +26,7 @@ from pdsolve.laws.calls import bond_force as force_of
 from pdsolve.laws.calls import nodal_numbers as nodal_numbers_of
 from pdsolve.laws.calls import numbers as numbers_of
 from pdsolve.laws.law import INLINE, INNER
-from pdsolve.laws.materials.orthotropic import equivalent, is_along, least_moduli
+from pdsolve.laws.materials.orthotropic import crossing, equivalent, least_moduli
 from pdsolve.laws.materials.solid import (
     ALPHA_RATE,
     ALPHA_TOTAL,
@@ -367,9 +367,10 @@ def _failure_stress(law, m, i, at):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def _failure_stress_across(law, bond, m, i, at):  # type: ignore[no-untyped-def]
-    """The stress of a node by which a bond fails; one along the fibres does not fail with the matrix."""
-    if law.solid.kind[i] == ORTHOTROPIC and is_along(law.solid.ply[i], bond.xi):
-        return equivalent(law.solid.ply[i], law.d, m[i], at)[0]
+    """The stress of a node by which a bond fails; the less it crosses the fibres, the more the matrix may have."""
+    if law.solid.kind[i] == ORTHOTROPIC:
+        fibres, matrix = equivalent(law.solid.ply[i], law.d, m[i], at)
+        return max(fibres, matrix * crossing(law.solid.ply[i], bond.xi))
     return _failure_stress(law, m, i, at)
 
 

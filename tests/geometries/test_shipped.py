@@ -44,6 +44,7 @@ SHIPPED = {
     "notched_beam.py": (1320, {18.181818182: 110 * 12}, [1, 1, 1]),
     "colliding_fragments.py": (1392, {1: 1392}, [96, 96, 600, 600]),
     "branched_fragments.py": (4880, {1: 4880}, [440, 440, 2000, 2000]),
+    "composite_plate_with_hole.py": (5820, {0.5: 5820}, [49, 49]),
     "compact_tension.py": (6400, {0.5: 3467, 1: 2933}, [1, 1]),
     "cook_membrane.py": (1481, {1000: 1481}, [45, 17]),
     "double_cantilever.py": (8040, {1: 8040}, [1, 1, 1, 1]),

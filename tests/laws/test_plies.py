@@ -13,12 +13,12 @@ from numba import njit
 from numpy.typing import NDArray
 from plates import plate, square_grid
 
-from pdmesh import Material
+from pdmesh import Material, laminate
 from pdmesh.model.document import Region
 from pdmesh.model.node_fields import FieldColumn
 from pdmesh.model.orthotropic import eigenvalues, engineering_constants, stiffness
 from pdsolve.laws.materials import solid as solids
-from pdsolve.laws.materials.orthotropic import equivalent
+from pdsolve.laws.materials.orthotropic import crossing, equivalent
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
@@ -157,7 +157,9 @@ WEAK = {"failure": "stress", "strength": 2e9, "strength_across": 5e7, "shear_str
         ({"control": "wan"}, naming("$.material.control", found="'wan'", expected="silling")),
         ({"order": 2}, naming("$.material.order", found="'2'")),
         ({"form": "rate"}, naming("$.material.form", found="'rate'", expected="'total'")),
-        ({"model": "bond"}, naming("$.material.solid", found="'orthotropic'", expected="'bond'")),
+        ({"model": "bond"}, naming("$.material.G12", found="5.29e+09", expected=("2.921e+09 Pa", "0.5725"))),
+        ({"model": "bond", "G12": 2.92e9}, naming("$.material.model", found="'bond'", expected="'correspondence'")),
+        ({"model": "bond", "G12": None}, naming("$.material.solid", found="'orthotropic'", expected="'bond'")),
     ],
 )
 def test_constants_that_cannot_be(changes: dict[str, Any], says: str) -> None:
@@ -195,3 +197,50 @@ def test_the_strengths_of_a_turned_ply(dimension: int) -> None:
         m = np.array([turned[a, b] for a, b in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))])
         found = np.array(_equivalent(ply, m[: 4 if dimension == 2 else 6], dimension)) / 2e9
         assert found == pytest.approx(expected, abs=1e-6)
+
+
+@njit
+def _crossing(ply: Any, xi: Any) -> Any:
+    return crossing(ply, xi)
+
+
+def test_bonds_along_fibres_cross_none() -> None:
+    """The sine of 30 degrees for a bond along x, and 0 and 1 along and across the fibres."""
+    ply = solids.solid_of(model_of(of(angle=30.0, **WEAK)), float, 2).ply[0]
+    c, s = np.cos(np.radians(30)), np.sin(np.radians(30))
+    assert _crossing(ply, (2e-3, 0.0)) == pytest.approx(0.5)
+    assert _crossing(ply, (c, s)) == pytest.approx(0, abs=1e-7)
+    assert _crossing(ply, (-3 * s, 3 * c)) == pytest.approx(1)
+    assert _crossing(ply, (0.0, 0.0, 1e-3)) == 1
+
+
+@pytest.mark.parametrize(
+    ("angles", "E", "nu", "G"),
+    [
+        ([0, 90, 90, 0], 90.638, 0.03220, 5.290),
+        ([45, -45], 19.012, 0.79699, 43.905),
+        ([0, 45, -45, 90], 64.506, 0.31123, 24.598),
+    ],
+)
+def test_constants_of_laminates(angles: list[float], E: float, nu: float, G: float) -> None:
+    """Of closed forms computed elsewhere, GPa: to their last digit."""
+    one = laminate(PLY, angles)
+    assert one.G12 is not None
+    assert (1e-9 * one.E, 1e-9 * (one.E2 or 0), one.nu, 1e-9 * one.G12) == pytest.approx((E, E, nu, G), abs=6e-4)
+    doubled = laminate(PLY, [*angles, 0], [2.0] * len(angles) + [1e-9])
+    assert pytest.approx(one.E, rel=1e-8) == doubled.E
+
+
+@pytest.mark.parametrize(
+    ("ply", "plies", "says"),
+    [
+        (PLY, ([0, 45],), "45 degrees"),
+        (PLY, ([],), "0 angles"),
+        (PLY, ([0, 90], [1.0]), "1 thicknesses"),
+        (PLY, ([0, 90], [1.0, 0.0]), "above 0"),
+        (of(solid="linear"), ([0],), "'linear'"),
+    ],
+)
+def test_laminates_that_cannot_be(ply: Material, plies: tuple[Any, ...], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        laminate(ply, *plies)

@@ -7,10 +7,11 @@ Bonds fail by an equivalent stress, which is compared with the strength along th
 47 (1980) 329-334, for tension):
 
     fibres   s11                                   breaks every bond
-    matrix   X sqrt((p / Y)^2 + (t / S)^2)         breaks bonds that are not along the fibres, as cracks are
+    matrix   X sqrt((p / Y)^2 + (t / S)^2)         breaks a bond where it reaches X / |sin phi|
 
 with p the largest normal stress across the fibres, if it is tensile, Y and S the strengths across the fibres and in
-shear, and t^2 = s12^2 + s13^2.
+shear, t^2 = s12^2 + s13^2, and phi the angle between the bond and the fibres: cracks in the matrix are along the
+fibres, and what crosses them least breaks last. If all bonds broke at X, nodes would lose their fibres with the matrix.
 """
 
 from __future__ import annotations
@@ -27,7 +28,6 @@ from pdsolve.laws.small_tensors import product
 from pdsolve.model import Model, ModelError
 
 NO_PLIES = np.zeros((0, WIDTH + 4))
-ALONG = 0.087  # sine of the angle, 5 degrees, between the fibres and a bond along them
 
 
 def columns(model: Model, rows: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -117,9 +117,9 @@ def equivalent(ply, d, m, at):  # type: ignore[no-untyped-def]
 
 
 @njit(**INNER)
-def is_along(ply, xi):  # type: ignore[no-untyped-def]
-    """Whether a bond is along the fibres of a node."""
+def crossing(ply, xi):  # type: ignore[no-untyped-def]
+    """Sine of the angle between a bond and the fibres of a node."""
     squared, along = xi[0] * xi[0], xi[0] * ply[WIDTH] + xi[1] * ply[WIDTH + 1]
     for a in range(1, len(xi)):
         squared += xi[a] * xi[a]
-    return squared - along * along < ALONG * ALONG * squared
+    return np.sqrt(max(1 - along * along / squared, 0 * squared))
