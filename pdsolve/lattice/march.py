@@ -39,7 +39,7 @@ from pdsolve.lattice.marched_bonds import (
 )
 from pdsolve.numerics.memory import aligned, aligned_zeros
 from pdsolve.numerics.thread_team import gate_of, meet, side_by_side
-from pdsolve.operators.contact.kernel import Pushes, push_anew
+from pdsolve.operators.contact.kernel import push_anew
 from pdsolve.operators.contact.operator import PenaltyContact
 from pdsolve.operators.ghosts import Ghosts
 from pdsolve.state import State
@@ -63,6 +63,7 @@ class MarchArrays(NamedTuple):
     has_loads: NDArray[np.bool_]  # (g,) whether a load acts on it
     held_entries: NDArray[np.int64]  # (holds,) prescribed components in the order of their groups
     first_held_entry: NDArray[np.int64]  # (g + 1,) those of a group
+    place_of_row: NDArray[np.int32] | None  # (n,) of nodes that may touch; None: none may, or places are their rows
     contact_force: NDArray[np.float64]  # (n, d) force densities of contact now, N/m^3; (0, d) without contact
     adds_contact_force: NDArray[np.bool_]  # (g,) whether contact may act on the group
     has_failure_forces: NDArray[np.bool_]  # (g,) whether the next velocities are forces of failing bonds yet
@@ -80,6 +81,7 @@ class SweepRange(NamedTuple):
     end_step: int  # after the last one
     first_sweep: int
     only_waiting_groups: bool
+    pushes_pairs: bool = False  # whether the forces of pairs in touch change from sweep to sweep
 
 
 class Group(NamedTuple):
@@ -164,6 +166,9 @@ class LatticeMarch(Stepper):
             has_loads=has_loads,
             held_entries=np.argsort(held_group, kind="stable"),
             first_held_entry=np.searchsorted(np.sort(held_group), np.arange(count + 1)),
+            place_of_row=None
+            if self._contact is None or bonds.places_are_rows
+            else lane_of_node + np.int32(bonds.margin),
             contact_force=np.zeros((0 if self._contact is None else len(rho), axes)),
             adds_contact_force=np.zeros(count, dtype=np.bool_),
             has_failure_forces=np.zeros(count, dtype=np.bool_),
@@ -191,19 +196,20 @@ class LatticeMarch(Stepper):
         """Take the steps `first_step` to `end_step` - 1, in place; returns the last one."""
         bonds, sweep, end_sweep = self.bonds, 0, end_step - first_step + 1
         if end_step <= first_step:
-            self._sweep_in_threads(state, SweepRange(first_step, end_step, 0, False), 0, None)  # compiles
+            self._sweep_in_threads(state, SweepRange(first_step, end_step, 0, False), 0)  # compiles
             return end_step - 1
         bonds.place_motion(state)
         while sweep < end_sweep:
-            count, pushes = bonds.sweeps_at_once if self._ghosts is None else 1, None
+            count, pushes_pairs = bonds.sweeps_at_once if self._ghosts is None else 1, False
             if self._contact is not None:
                 lasts = 1
                 if sweep > 0:
-                    lasts, pushes = self._update_contact_forces(self._contact, state, first_step + sweep - 1, sweep)
+                    step = first_step + sweep - 1
+                    lasts, pushes_pairs = self._update_contact_forces(self._contact, state, step, sweep)
                 count = min(count, lasts)
-            sweeps = SweepRange(first_step, end_step, sweep, False)
+            sweeps = SweepRange(first_step, end_step, sweep, False, pushes_pairs)
             with bonds.breaking:
-                sweep = self._sweep_in_threads(state, sweeps, min(sweep + count, end_sweep), pushes)
+                sweep = self._sweep_in_threads(state, sweeps, min(sweep + count, end_sweep))
             if self._ghosts is not None and sweep < end_sweep:
                 self._ghosts.receive_values(bonds.u[sweep % len(bonds.u)], at_places=True)
                 if len(bonds.v) > 1:  # with which bonds know where nodes were a step ago
@@ -211,9 +217,10 @@ class LatticeMarch(Stepper):
         bonds.finish(state, end_sweep, end_step - 1)
         return end_step - 1
 
-    def _sweep_in_threads(self, state: State, sweeps: SweepRange, end_sweep: int, pushes: Pushes | None) -> int:
+    def _sweep_in_threads(self, state: State, sweeps: SweepRange, end_sweep: int) -> int:
         """Do sweeps of these steps until `end_sweep`, fewer if pairs are to be found; returns the one to go on with."""
         arrays, bonds = self.arrays, self.bonds
+        pushes = None if self._contact is None else self._contact.pushes()
 
         def sweep_groups(sweeps: SweepRange, thread: int, gate: Any) -> None:
             drive = self.drive_of_lanes
@@ -232,21 +239,18 @@ class LatticeMarch(Stepper):
         bonds.end_sweeps()
         return int(arrays.next_sweep[0])
 
-    def _update_contact_forces(
-        self, contact: PenaltyContact, state: State, step: int, sweep: int
-    ) -> tuple[int, Pushes | None]:
+    def _update_contact_forces(self, contact: PenaltyContact, state: State, step: int, sweep: int) -> tuple[int, bool]:
         """Set the forces of contact in a step, with the motion that `sweep` begins with; returns for how many steps
-        they hold, or those of the pairs: None where nothing touches."""
+        they hold, or those of the pairs, and whether these change them."""
         arrays, now = self.arrays, self.bonds.collect_motion(state, sweep)
         free = contact.free_steps(now, step, self._dt)
         arrays.contact_force[self._rows], arrays.adds_contact_force[:] = 0.0, False
         self._rows = contact.rows if free == 0 else self._rows[:0]
         arrays.adds_contact_force[self._group_of_node[self._rows]] = True
         if free > 0:
-            return free, None
+            return free, False
         contact.push(now, arrays.contact_force, step, self._dt)
-        pushes, lasts = contact.pushes(step)
-        return (lasts, pushes) if lasts > 1 and self.bonds.places_are_rows else (1, None)
+        return contact.push_steps(step), True
 
 
 @cached_njit(nogil=True, error_model="numpy")
@@ -262,7 +266,7 @@ def sweep_groups_of_thread(bonds, history, arrays, drive, state, pushes, dt, swe
     count, lanes = len(arrays.groups), arrays.work.shape[1]
     f, a, previous_v = arrays.buffers[thread, 0], arrays.buffers[thread, 1], arrays.buffers[thread, 2]
     for number in range(sweeps.first_sweep, arrays.next_sweep[0]):
-        if number > sweeps.first_sweep and not _push_pairs_anew(pushes, arrays, number, thread, gate):
+        if number > sweeps.first_sweep and not _push_pairs_anew(pushes, arrays, sweeps, dt, number, thread, gate):
             return
         of_u = u[number % len(u)], u[(number + len(u) - 1) % len(u)], u[(number + 1) % len(u)]
         of_v = v[number % len(v)], v[(number + 1) % len(v)]
@@ -286,14 +290,47 @@ def sweep_groups_of_thread(bonds, history, arrays, drive, state, pushes, dt, swe
 
 
 @njit(**INNER)
-def _push_pairs_anew(pushes, arrays, number, thread, gate):  # type: ignore[no-untyped-def]
+def _push_pairs_anew(pushes, arrays, sweeps, dt, number, thread, gate):  # type: ignore[no-untyped-def]
     """Set the forces of the pairs in touch for a sweep; returns False where pairs are to be found first."""
-    if pushes is None:
+    if pushes is None or not sweeps.pushes_pairs:
         return True
-    if thread == 0 and not push_anew(pushes, arrays.u[number % len(arrays.u)].T, arrays.contact_force):
+    if thread == 0 and not _push_rows(pushes, arrays, arrays.place_of_row, dt, number):
         arrays.next_sweep[0] = number
     meet(gate)
     return arrays.next_sweep[0] != number
+
+
+@overloaded(INNER)
+def _push_rows(pushes, arrays, place_of_row, dt, number):  # type: ignore[no-untyped-def]
+    """What `push_anew` does, with the motion that a sweep begins with."""
+    if is_none(place_of_row):
+
+        def push_at_places(pushes, arrays, place_of_row, dt, number):  # type: ignore[no-untyped-def]
+            u, v = arrays.u[number % len(arrays.u)], arrays.v[number % len(arrays.v)]
+            return push_anew(pushes, u.T, v.T, dt, arrays.contact_force)
+
+        return push_at_places
+    return _push_copied_rows
+
+
+def _push_copied_rows(pushes, arrays, place_of_row, dt, number):  # type: ignore[no-untyped-def]
+    u, v, faces, n = arrays.u, arrays.v, pushes.pairs.faces, len(place_of_row)
+    d = len(u[0])
+    # The next motion is not begun yet: there is room in its place
+    u_of_rows = u[(number + 1) % len(u)].reshape(u[0].size)[: n * d].reshape(n, d)
+    v_of_rows = v[(number + 1) % len(v)].reshape(v[0].size)[: n * d].reshape(n, d)
+    for rows in (pushes.rows, faces.near):
+        _copy_rows(rows, place_of_row, u[number % len(u)], u_of_rows)
+    _copy_rows(faces.rows, place_of_row, v[number % len(v)], v_of_rows)
+    return push_anew(pushes, u_of_rows, v_of_rows, dt, arrays.contact_force)
+
+
+@njit(**INNER)
+def _copy_rows(rows, place_of_row, values, values_of_rows):  # type: ignore[no-untyped-def]
+    """Copy some rows of `values` (d, m) at places to where they are in `values_of_rows` (n, d)."""
+    for i in rows:
+        for axis in range(len(values)):
+            values_of_rows[i, axis] = values[axis, place_of_row[i]]
 
 
 @njit(**IN_PLACE)

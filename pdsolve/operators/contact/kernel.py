@@ -86,13 +86,17 @@ class PairList(NamedTuple):
 
 
 class Pushes(NamedTuple):
-    """Pairs without friction and restitution, and how far nodes may move before others are to be found."""
+    """Pairs of n nodes, what their forces need, and how far nodes may move before others are to be found."""
 
     pairs: PairList
     each: NDArray[np.float64]  # (n,) 1 over the volume of a node, 1/m^d
     rows: NDArray[np.int64]  # (k,) of surface nodes
     before: NDArray[np.float64]  # (k, d) m, where they were when pairs were found
     limit: float  # m^2, square of the way
+    mu: float  # coefficient of friction
+    e: float  # coefficient of restitution
+    friction_energy: NDArray[np.float64]  # (n,) see `spent` above, J
+    lost: NDArray[np.float64]  # (n,) J
 
 
 @njit(forceinline=True, **INNER)
@@ -266,6 +270,24 @@ def add_forces(pairs, inverse_volume, u, v, mu, e, dt, out, friction_energy, los
 
     `inverse_volume` (n,) is 1 over the volume of a node, 1/m^d.
     """
+    _push(pairs, inverse_volume, u, v, mu, e, dt, out, friction_energy, lost)
+
+
+@njit(**INNER)
+def push_anew(pushes, u, v, dt, out):  # type: ignore[no-untyped-def]
+    """Set the forces of `add_forces` on the nodes of pairs; returns False where pairs are to be found anew."""
+    if _farthest(u, pushes.before, pushes.rows) > pushes.limit:
+        return False
+    for i in pushes.pairs.faces.rows:
+        for a in range(u.shape[1]):
+            out[i, a] = 0.0
+    _push(pushes.pairs, pushes.each, u, v, pushes.mu, pushes.e, dt, out, pushes.friction_energy, pushes.lost)
+    return True
+
+
+@njit(**INNER)
+def _push(pairs, inverse_volume, u, v, mu, e, dt, out, friction_energy, lost):  # type: ignore[no-untyped-def]
+    """The forces of `add_forces`."""
     d = u.shape[1]
     pairs.faces.known[:] = False
     if mu == 0.0 and e == 1.0:
@@ -283,19 +305,6 @@ def add_forces(pairs, inverse_volume, u, v, mu, e, dt, out, friction_energy, los
                 force = push * n[a] - pull[a] + (pairs.drag[q, a] if mu > 0.0 else 0.0)
                 out[i, a] -= force * inverse_i
                 out[j, a] += force * inverse_j
-
-
-@njit(**INNER)
-def push_anew(pushes, u, out):  # type: ignore[no-untyped-def]
-    """Set the forces of `add_forces` on the nodes of pairs; returns False where pairs are to be found anew."""
-    if _farthest(u, pushes.before, pushes.rows) > pushes.limit:
-        return False
-    for i in pushes.pairs.faces.rows:
-        for a in range(u.shape[1]):
-            out[i, a] = 0.0
-    pushes.pairs.faces.known[:] = False
-    _push_alone(pushes.pairs, pushes.each, u, out)
-    return True
 
 
 @njit(**INNER)

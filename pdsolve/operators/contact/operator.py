@@ -104,11 +104,15 @@ class PenaltyContact(UnbreakableOperator):
         most = self._joined.until + self._joined.wait - step
         return most if 2 * fastest * dt * most <= remaining_way else 0
 
-    def pushes(self, step: int) -> tuple[Pushes, int]:
-        """The pairs that `free_steps` has seen, and for how many steps from this one on `push_anew` may push them."""
-        limit, alone = (SKIN * self._finest / 2) ** 2, self._settings.friction == 0 and self._settings.restitution == 1
-        lasts = self._joined.until + self._joined.wait - step if alone and not len(self.rigid.rows) else 1
-        return Pushes(self._pairs, self._each, self._rows, self._before, limit), lasts
+    def pushes(self) -> Pushes:
+        """The pairs that `free_steps` has seen, for `push_anew`."""
+        limit, (mu, e) = (SKIN * self._finest / 2) ** 2, (self._settings.friction, self._settings.restitution)
+        energies = self._friction_energy, self._lost
+        return Pushes(self._pairs, self._each, self._rows, self._before, limit, float(mu), float(e), *energies)
+
+    def push_steps(self, step: int) -> int:
+        """For how many steps from this one on `push_anew` may push these pairs: rigid bodies move by themselves."""
+        return 1 if len(self.rigid.rows) else self._joined.until + self._joined.wait - step
 
     @property
     def rows(self) -> NDArray[np.int64]:

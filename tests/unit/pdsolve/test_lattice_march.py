@@ -16,6 +16,7 @@ from pdsolve.conditions import damping
 from pdsolve.lattice import marched_bonds
 from pdsolve.lattice.march import LatticeMarch
 from pdsolve.model import Model
+from pdsolve.operators.contact.operator import PenaltyContact
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.run.system import PreparedRun
@@ -87,12 +88,18 @@ def test_each_bit_is_that_of_verlet(name: str) -> None:
 
 @pytest.mark.process
 @pytest.mark.parametrize("threads", [1, 2])
-def test_bodies_in_contact_move_as_by_verlet(threads: int) -> None:
-    """Forces of contact come after those of bonds here, before them there. Measured: 7e-14 of the largest."""
+def test_bodies_in_contact_move_as_by_verlet(threads: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forces of contact come after those of bonds here, before them there. Measured: 7e-14 of the largest.
+
+    Compiled code finds them, but for those of the first step with new pairs. Measured: in 16 of 25 steps.
+    """
     expected, prepared = of_verlet(in_contact()), started(in_contact(), threads)
+    push, pushed = PenaltyContact.push, []
+    monkeypatch.setattr(PenaltyContact, "push", lambda *args: (pushed.append(args[3]), push(*args)))
     for first, last in pairwise((1, 2, 20, STEPS + 1)):
         prepared.advance(first, last)
     here = outcome(prepared)
+    assert len(pushed) < STEPS / 2
     assert prepared.system.contact is not None
     assert prepared.system.contact.touching(prepared.state) > 10  # measured: 16
     for one, other in zip(here[:8], expected[:8], strict=True):
