@@ -30,8 +30,9 @@ _DOUBLES = lanes_at_once(8)
 class Lanes(types.Type):
     """Several numbers of one type, side by side."""
 
-    def __init__(self, kind: Any) -> None:
-        self.kind, self.count = kind, lanes_at_once(kind.bitwidth // 8)
+    def __init__(self, kind: Any, count: int = 0) -> None:
+        """`count` is 0 for as many as are summed at once."""
+        self.kind, self.count = kind, count or lanes_at_once(kind.bitwidth // 8)
         super().__init__(name=f"Lanes({kind}, {self.count})")
 
 
@@ -119,11 +120,11 @@ def magnitude(typingctx, e):  # type: ignore[no-untyped-def]
 
 @intrinsic
 def same(typingctx, array, number):  # type: ignore[no-untyped-def]
-    """A number in all lanes, in the type of an array's elements."""
-    lanes = Lanes(array.dtype)
+    """A number in all lanes, in the type of an array's elements or of other lanes."""
+    lanes = array if isinstance(array, Lanes) else Lanes(array.dtype)
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
-        scalar = context.cast(builder, values[1], number, array.dtype)
+        scalar = context.cast(builder, values[1], number, lanes.kind)
         return repeat(builder, context.get_value_type(lanes), scalar)
 
     return lanes(array, number), generate

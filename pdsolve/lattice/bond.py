@@ -43,7 +43,9 @@ def where_weight(dimension: int) -> int:
 
 
 def _entries(context: Any, builder: Any, kind: Any, row: Any, vector: Any, first: int, count: int) -> list[Any]:
-    """So many entries of a row from `first` on, each in all lanes."""
+    """So many entries of a row from `first` on, each in all lanes; or, of a tuple, those of each lane."""
+    if isinstance(kind, types.BaseTuple):
+        return list(cgutils.unpack_tuple(builder, row)[first : first + count])
     data = context.make_array(kind)(context, builder, row).data
     numbers = (builder.load(builder.gep(data, [INT(first + axis)])) for axis in range(count))
     return [repeat(builder, vector, number) for number in numbers]
@@ -168,8 +170,8 @@ def kick_and_drift(u, next_u, v, next_v, a, dt, axes, at):  # type: ignore[no-un
 
 @intrinsic
 def zeros(typingctx, array, like):  # type: ignore[no-untyped-def]
-    """A zero vector of as many axes as a tuple has entries, in the type of an array's elements."""
-    vectors = types.UniTuple(Lanes(array.dtype), len(like))
+    """A zero vector of as many axes as a tuple has entries, in the type of an array's elements or of lanes."""
+    vectors = types.UniTuple(array if isinstance(array, Lanes) else Lanes(array.dtype), len(like))
 
     def generate(context, builder, signature, values):  # type: ignore[no-untyped-def]
         zero = ir.Constant(context.get_value_type(vectors.dtype), [0.0] * vectors.dtype.count)

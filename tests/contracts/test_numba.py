@@ -49,7 +49,7 @@ def test_what_is_overridden_of_numba_is_there(name: str) -> None:
 @pytest.mark.slow
 def test_one_room_knows_the_inside() -> None:
     """Elsewhere only what numba documents is used: functions that stand for others in compiled code. The bond of a
-    lattice, and eight pieces of clipped bonds, are written in code of the processor."""
-    inside = "pdsolve/codegen/", "pdsolve/lattice/bond.py", "pdsolve/adaptivity/hybrid/space/clipped_pieces.py"
+    lattice is written in code of the processor."""
+    inside = "pdsolve/codegen/", "pdsolve/lattice/bond.py"
     elsewhere = {(place, module, name) for place, module, name in used() if not place.startswith(inside)}
     assert {name for _, _, name in elsewhere} <= {"overload", "register_jitable"}, elsewhere

@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdsolve.adaptivity.hybrid.space.arrangement import count_bonds_of_sites
-from pdsolve.adaptivity.hybrid.space.clipped_pieces import TOGETHER
 from pdsolve.adaptivity.hybrid.space.engine import BodyEngine
 from pdsolve.adaptivity.hybrid.space.layout import list_bonds_of_sites
 from pdsolve.adaptivity.hybrid.space.materials import ModelWithMeanDensities
 from pdsolve.adaptivity.two_lattice_operator import EnergyBalanceTotals, TwoLatticeOperator
+from pdsolve.codegen.rows_of_four import TOGETHER
 from pdsolve.conditions import ACCELERATION
 from pdsolve.lattice import tile_bonds
 from pdsolve.laws.calls import pair_of

@@ -21,9 +21,10 @@ from pdsolve.adaptivity.hybrid.space.arrangement import (
     coordinates_of_blockwise_place_number,
     create_bond_piece_end_points,
 )
-from pdsolve.adaptivity.hybrid.space.clipped_pieces import TOGETHER, add_forces_of_eight_bond_pieces
+from pdsolve.adaptivity.hybrid.space.clipped_pieces import add_forces_of_eight_bond_pieces
 from pdsolve.codegen.inner_functions import INNER, is_none, overloaded
 from pdsolve.codegen.jit_cache import cached_njit
+from pdsolve.codegen.rows_of_four import TOGETHER
 from pdsolve.numerics.memory import aligned
 from pdsolve.zone.cells import floor_divide, place_number_at
 
