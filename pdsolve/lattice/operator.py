@@ -177,7 +177,7 @@ class BlockLattice(LatticeOperator):
         state.dissipated[:] = local_state.dissipated
 
     def swell(self, strain: NDArray[np.float64]) -> None:
-        """Let bonds stretch from what they are long at these strains (n,) of free nodes; of straight lines."""
+        """Let bonds stretch from what they are long at these strains (n,) of free nodes."""
         shrink = (
             aligned_zeros(self.tracks.v[0].shape, self.tracks.v.dtype)
             if self.tracks.shrink is None

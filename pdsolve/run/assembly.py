@@ -209,8 +209,8 @@ def options_with_kernel_for_swelling(model: Model, options: Options) -> Options:
     Raises ModelError where the options exclude it.
     """
     pair, run = law_of(model).pair, model.settings.run
-    straight = pair is not None and not pair.is_curved and not pair.elastic_in_compression
-    fast = straight and run.solver == "explicit"
+    swells_in_blocks = pair is not None and not (pair.is_curved and pair.softening is not None)
+    fast = swells_in_blocks and run.solver == "explicit"
     expected = (None, "listed", "blocks") if fast else (None, "listed")
     if options.kernel not in expected:
         raise ModelError(f"{model.name}: kernel is {options.kernel}; use listed for bonds that swell")
