@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from devices import missing
 from plates import ROOT
 
 PAGE = (ROOT / "docs" / "how_to" / "add_material.md").read_text()
@@ -94,6 +95,16 @@ def test_the_contracts_hold(copy: Path) -> None:
         "saturating",
     )
     assert "80 passed" in said  # 8 cells, of which 4 in double precision have two tests more
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("precision", ["float64", "float32"])
+def test_each_kernel_has_the_forces_of_the_list(copy: Path, dimension: int, precision: str) -> None:
+    """On lattices, graded grids and devices, and in zones."""
+    words = "-m", "pytest", "-q", "-p", "no:cacheprovider", "-m", "slow or not slow", "tests/contracts/test_kernels.py"
+    said = python(copy, *words, "-k", f"saturating and {dimension}D and {precision}")
+    assert ("3 passed, 1 skipped" if missing() else "4 passed") in said
 
 
 @pytest.mark.slow
