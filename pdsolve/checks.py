@@ -8,6 +8,7 @@ from __future__ import annotations
 import warnings
 from typing import NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -85,6 +86,7 @@ def refuse_numbers(model: Model, partial_cells: bool) -> None:
     `partial_cells` tells whether the family extends half a spacing beyond the horizon.
     """
     _refuse_cohesive_fields(model)
+    _refuse_cohesive_interfaces(model)
     for number, material in enumerate(model.materials):
         place = model.place_of(number)
         law_named(material, place)
@@ -114,6 +116,20 @@ def _refuse_cohesive_fields(model: Model) -> None:
                 raise ModelError(
                     f"{model.name}: $.fields: E, G0 and f_t of {named(model, worst)} need a horizon"
                     f" {-room.min():.4g} m less than {model.horizons[worst]:g} m; use a finer spacing, or a smaller f_t"
+                )
+
+
+def _refuse_cohesive_interfaces(model: Model) -> None:
+    """Raise ModelError for an interface whose bonds hold more than its G0 when they begin to soften."""
+    ratio, widest = model.settings.horizon.ratio, float(model.horizons.max())
+    for number, interface in enumerate(model.settings.interfaces):
+        for material in model.materials if interface.G0 or interface.f_t else ():
+            own = {"G0": interface.G0 or material.G0, "f_t": interface.f_t or material.f_t}
+            one = msgspec.structs.replace(material, E=material.E * interface.stiffness, **own)
+            if material.law == "cohesive" and (most := largest_horizon(one, ratio)) <= widest:
+                raise ModelError(
+                    f"{model.name}: $.interfaces[{number}]: E, G0 and f_t need a horizon below {most:.4g} m, not"
+                    f" {widest:g} m; use a finer spacing, or a smaller f_t"
                 )
 
 

@@ -201,6 +201,12 @@ def test_constants_that_bonds_do_not_have_are_refused() -> None:
             prepare(model, Options(threads=1))
 
 
+def test_a_strength_that_the_horizon_cannot_have_is_refused() -> None:
+    model, _ = two_halves(COHESIVE, G0=1.0)
+    with pytest.raises(ModelError, match=r"interfaces\[0\]: E, G0 and f_t need a horizon below"):
+        prepare(model, Options(threads=1))
+
+
 def test_a_scene_names_what_is_wrong() -> None:
     scene = Scene(box(0, 0, 0.02, 0.02), 1e-3, GLASS)
     with pytest.raises(SceneError, match=r"interface 'weld'\.between\[0\]: no region is called 'lower'"):
