@@ -41,8 +41,12 @@ def combinations() -> str:
         sentences = [_refused_pair(name, column) for column in COLUMNS]
         cells = [f"no ({numbers.setdefault(text, len(numbers) + 1)})" if text else "yes" for text in sentences]
         rows.append([name, *cells])
-    notes = "\n".join(f"{number}. {text}" for text, number in numbers.items())
-    return f"{markdown_table(['', *COLUMNS], rows)}\n### What is refused\n\n{notes}"
+    parts: dict[str, list[str]] = {"### Refused laws": [], "### Refused models and solids": []}
+    for text, number in numbers.items():
+        of_laws = text.startswith(("$.material.law", "$.material.sight"))
+        parts[list(parts)[not of_laws]].append(f"{number}. {text}")
+    notes = "\n\n".join("\n".join([heading, "", *lines]) for heading, lines in parts.items())
+    return f"{markdown_table(['', *COLUMNS], rows)}\n{notes}"
 
 
 def every_feature() -> str:
