@@ -177,7 +177,8 @@ def summary_sentences(summary: CrackPathSummary) -> list[str]:
         lines.append(f"from {_format_place_in_mm(way.pre_crack_tip)}: {angle} degrees{band} from the notch {over}")
     if len(summary.fragments.pieces) > 1:
         areas = ", ".join(f"{piece.area * 1e6:.4g}" for piece in summary.fragments.pieces)
-        lines.append(f"{len(summary.fragments.pieces)} pieces of {areas} mm^2, cracked nodes left out")
+        of_bodies = f" of all {summary.fragments.body_count} bodies" if summary.fragments.body_count > 1 else ""
+        lines.append(f"{len(summary.fragments.pieces)} pieces{of_bodies} of {areas} mm^2, cracked nodes left out")
     lines += _small_piece_sentences(summary.fragments)
     return lines or ["nothing broke"]
 
@@ -206,8 +207,9 @@ def _small_piece_sentences(fragments: PlateFragments) -> list[str]:
     share = (fragments.small_pieces_area + fragments.cracked_area) / total_area
     if share <= MUCH_IN_CRUMBS:
         return []
+    where = "the plate" if fragments.body_count == 1 else "all bodies"
     return [
-        f"{share:.0%} of the plate is in no piece: {fragments.cracked_area * 1e6:.4g} mm^2 of cracked nodes, and"
+        f"{share:.0%} of {where} is in no piece: {fragments.cracked_area * 1e6:.4g} mm^2 of cracked nodes, and"
         f" {fragments.small_pieces_area * 1e6:.4g} mm^2 in {fragments.small_piece_count} crumbs"
         f" of at most {PIECE:.0%} of the nodes each"
     ]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -12,6 +13,7 @@ from pdmesh.model.output_fields import CRACKED
 from pdsolve.measures.crack_faces import FaceNeighbourPairs
 from pdsolve.measures.cracked_nodes import damage_with_pre_cracks_at
 from pdsolve.measures.cracks import PIECE, cluster_nodes
+from pdsolve.measures.embedded_model import read
 from pdsolve.measures.strain import constants_of_nodes
 from pdsolve.results import Results
 
@@ -33,6 +35,7 @@ class PlateFragments(NamedTuple):
     small_piece_count: int  # pieces of no more than 2 per cent of the nodes
     small_pieces_area: float  # m^2
     cracked_area: float  # m^2, of the cracked nodes, which belong to no piece
+    body_count: int = 1  # bodies that touch: a whole one is a piece, too
 
 
 def find_plate_fragments(results: Results, step: int, threshold: float = CRACKED) -> PlateFragments:
@@ -50,7 +53,14 @@ def find_plate_fragments(results: Results, step: int, threshold: float = CRACKED
         else:
             crumbs, small_pieces_area = crumbs + 1, small_pieces_area + float(area.sum())
     pieces = tuple(sorted(fragment_list, key=lambda one: (-one.area, one.centre)))
-    return PlateFragments(pieces, crumbs, small_pieces_area, float(nodes.area[cracked].sum()))
+    cracked_area, bodies = float(nodes.area[cracked].sum()), 1 + len(read(results, _BodiesGridFileKeys).bodies)
+    return PlateFragments(pieces, crumbs, small_pieces_area, cracked_area, bodies)
+
+
+class _BodiesGridFileKeys(msgspec.Struct):
+    """The key of the grid file that has the bodies beside the first one."""
+
+    bodies: list[Any] = []
 
 
 class BodyFragment(NamedTuple):

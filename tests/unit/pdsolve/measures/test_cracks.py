@@ -209,3 +209,7 @@ def test_pieces_beside_crumbs_are_said_to_be_few() -> None:
     assert "60 mm^2 in 40 crumbs" in said
     whole = replace(summary, fragments=PlateFragments((piece, piece), 1, 1e-6, 1e-6))
     assert [line for line in summary_sentences(whole) if "no piece" in line] == []
+    touching = replace(summary, fragments=crumbs._replace(body_count=3))
+    pieces, said = summary_sentences(touching)
+    assert pieces.startswith("2 pieces of all 3 bodies")
+    assert said.startswith("96% of all bodies")
