@@ -443,7 +443,7 @@ def closing(model: Model, balance: float, spent: float, symmetric: bool) -> None
         )
     if symmetric and not coupled and abs(balance) > LOST:
         advice = (
-            "bodies that are crushed into single nodes gain energy in contact; use half of this time step"
+            "bodies that are crushed into single nodes gain energy in contact; try half of this time step"
             if model.settings.contact is not None
             else "check the time step, and loads or prescribed motion that begin suddenly"
         )
