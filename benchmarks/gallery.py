@@ -1,26 +1,37 @@
 """The gallery of the site: every shipped scene, built, solved and drawn by the commands that stand below its picture.
 
-`python -m benchmarks.gallery` writes docs/gallery.md and its pictures; names of scenes solve those alone. A scene that
-takes minutes is solved in a coarser form, as its commands say. What its picture shows, its equation, its source and
-what was measured stand in benchmarks/gallery_texts.md.
+`python -m benchmarks.gallery` writes docs/gallery.md and its pictures; names of scenes draw those alone. `--stale`
+draws those whose scene, commands or drawing code have changed since the picture was written: docs/gallery/pictures.json
+records these, and a test compares them. Results stay in build/gallery; a scene that has not changed is not solved
+again. A scene that takes minutes is solved in a coarser form, as its commands say. What its picture shows, its
+equation, its source and what was measured stand in benchmarks/gallery_texts.md.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
+import json
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
+from functools import lru_cache
+from importlib.util import find_spec
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from PIL import Image
 
 from benchmarks.pages import DOCS, markdown_table, write_block
+from benchmarks.picture_outline import mark
+from pdsolve.results import Results
 
 ROOT = DOCS.parent
 PAGE = DOCS / "gallery.md"
+RECORDS = DOCS / "gallery" / "pictures.json"  # of what text, command and drawing code each picture is
+RESULTS = ROOT / "build" / "gallery"
 NAMES = {  # of people, materials and shapes, as a heading has them
     "kalthoff winkler": "Kalthoff-Winkler",
     "duran50": "Duran 50",
@@ -74,6 +85,7 @@ SHOWN = {
     "graded_bar.py": Shown("strain --component xx"),
     "hot_disc.py": Shown("stress"),
     "kalthoff_winkler_steel.py": Shown("damage --largest 0.5", "--adapt hybrid --set spacing=5e-4"),
+    "kalthoff_winkler_block.py": Shown("slice --field damage --plane z=0"),
     "kalthoff_winkler_projectile.py": Shown("velocity"),
     "notched_beam.py": Shown("reaction --condition middle"),
     "nooru_mohamed.py": Shown("displacement --scale auto"),
@@ -90,6 +102,17 @@ SHOWN = {
     "slanted_notch.py": Shown("crack"),
     "strip.py": Shown("stress"),
 }
+FURTHER = {  # pictures of other pages: their scene and the command of pdpost; those of `NEED_RENDER` need PyVista
+    "branching_block.png": ("branching_block.py", "damage --clip y=0"),
+    "disc.png": ("disc.geo", "content --time 500"),
+    "drying_mud.gif": ("drying_mud.py", "animate"),
+    "duran50_crack.png": ("duran50.geo", "crack"),
+    "screw.png": ("screw.geo", "render --field solid --level 0.5 --time 500"),
+}
+NEED_RENDER = ("branching_block.png", "screw.png")
+WIDER = 1000  # pixels of a picture of another page
+HIGHEST = 1200
+COMMENT = re.compile(r"[ \t]*(?:#|//).*")
 
 
 def commands(scene: Path) -> list[str]:
@@ -115,16 +138,84 @@ def caption(scene: Path) -> str:
 
 
 def draw(scene: Path) -> None:
-    """Solve a scene in a folder of its own and write its picture. Raises CalledProcessError."""
-    with tempfile.TemporaryDirectory() as name:
-        (Path(name) / "geometries").symlink_to(ROOT / "geometries")
-        for line in commands(scene):
-            program, *options = line.split()
-            where = ["-o", "shown.png"] if program == "pdpost" else []
-            subprocess.run([sys.executable, "-m", program, *options, "-q", *where], cwd=name, check=True)
-        image = Image.open(Path(name) / "shown.png").convert("RGB")
-        small = image.resize((WIDE, round(image.height * WIDE / image.width)), Image.Resampling.LANCZOS)
-        small.save(picture_of(scene), "png", optimize=True)
+    """Write the picture of a scene and what it is of; solve the scene unless it is. Raises CalledProcessError."""
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    if not (RESULTS / "geometries").exists():
+        (RESULTS / "geometries").symlink_to(ROOT / "geometries")
+    solved = RESULTS / f"{scene.stem}.of"
+    is_solved = solved.exists() and solved.read_text(encoding="utf-8") == scene_mark(scene)
+    for line in commands(scene)[2 if is_solved else 0 :]:
+        program, *options = line.split()
+        where = ["-o", f"{scene.stem}.png"] if program == "pdpost" else []
+        command = [sys.executable, "-m", program, *options, "-q", "--force", *where]
+        subprocess.run(command, cwd=RESULTS, check=True)
+        if program == "pdsolve":
+            solved.write_text(scene_mark(scene), encoding="utf-8")
+    _shrink(RESULTS / f"{scene.stem}.png", picture_of(scene), WIDE)
+    with Results.open(RESULTS / f"{scene.stem}.sqlite") as results:
+        dimension = results.dimension
+    picture = SHOWN.get(scene.name, Shown()).picture
+    record({scene.stem: {"dimension": dimension, **marks(scene, picture, dimension)}})
+    for name, (of, command) in FURTHER.items():
+        if of == scene.name and not (name in NEED_RENDER and find_spec("pyvista") is None):
+            first, *options = command.split()
+            words = [first, f"{scene.stem}.sqlite", *options, "-q", "--force", "-o", name]
+            subprocess.run([sys.executable, "-m", "pdpost", *words], cwd=RESULTS, check=True)
+            if name.endswith(".png"):
+                _shrink(RESULTS / name, DOCS / name, WIDER)
+            else:
+                shutil.copy(RESULTS / name, DOCS / name)
+            record({name: {"dimension": dimension, **marks(scene, command, dimension)}})
+
+
+def _shrink(path: Path, small: Path, wide: int) -> None:
+    """Write a picture `wide` pixels wide, or less if it is higher than wide."""
+    image = Image.open(path).convert("RGB")
+    wide = min(wide, round(HIGHEST * image.width / image.height))
+    size = wide, round(image.height * wide / image.width)
+    image.resize(size, Image.Resampling.LANCZOS).save(small, "png", optimize=True)
+
+
+def record(new: dict[str, dict[str, Any]]) -> None:
+    """Note what pictures are of."""
+    records = recorded() | new
+    lines = [f" {json.dumps(name)}: {json.dumps(noted)}" for name, noted in sorted(records.items())]
+    RECORDS.write_text("{\n" + ",\n".join(lines) + "\n}\n", encoding="utf-8")
+
+
+def scene_mark(scene: Path) -> str:
+    """A mark of a scene's text without comments, and of the commands that build and solve it."""
+    text = "\n".join([COMMENT.sub("", scene.read_text(encoding="utf-8")), *commands(scene)[:2]])
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def marks(scene: Path, picture: str, dimension: int) -> dict[str, str]:
+    """The marks that a picture of a scene has if it is drawn now by the command `picture`."""
+    return {"scene": scene_mark(scene), "command": picture, "drawing": drawing_mark(picture, dimension)}
+
+
+@lru_cache
+def drawing_mark(picture: str, dimension: int) -> str:
+    """The mark of what the command `picture` draws now."""
+    with tempfile.TemporaryDirectory() as folder:
+        return mark(picture, dimension, Path(folder))
+
+
+def recorded() -> dict[str, dict[str, Any]]:
+    """What each picture is of, by the name of its scene."""
+    records: dict[str, dict[str, Any]] = json.loads(RECORDS.read_text(encoding="utf-8")) if RECORDS.exists() else {}
+    return records
+
+
+def is_stale(scene: Path) -> bool:
+    """Whether the picture of a scene is of another text, command or drawing than the present ones."""
+    pictures = {scene.stem: SHOWN.get(scene.name, Shown()).picture}
+    pictures |= {name: command for name, (of, command) in FURTHER.items() if of == scene.name}
+    for name, picture in pictures.items():
+        noted = recorded().get(name)
+        if noted is None or any(noted[key] != now for key, now in marks(scene, picture, noted["dimension"]).items()):
+            return True
+    return not picture_of(scene).exists()
 
 
 def picture_of(scene: Path) -> Path:
@@ -176,12 +267,13 @@ def main() -> None:
     """Draw what is asked for, write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenes", nargs="*", help="names of scenes, such as duran50.geo (default: all)")
-    asked = parser.parse_args().scenes
-    scenes = shipped()
+    parser.add_argument("--stale", action="store_true", help="draw those whose picture is not of the present state")
+    args = parser.parse_args()
+    asked, scenes = args.scenes, shipped()
     if unknown := sorted(set(asked) - {scene.name for scene in scenes}):
         parser.error(f"found {', '.join(unknown)}, expected some of {', '.join(scene.name for scene in scenes)}")
     for scene in scenes:
-        if not asked or scene.name in asked:
+        if (not asked or scene.name in asked) and not (args.stale and not is_stale(scene)):
             print(scene.name, flush=True)
             draw(scene)
     write_block(PAGE, "scenes", sections(scenes))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from new_databases import create_writer
@@ -59,9 +60,12 @@ def results_of(
     cracks: NDArray[np.float64] | None = None,
     path: Path | None = None,
     ledger: Sequence[EnergyBalanceRow] = (),
+    *,
+    fields: Mapping[str, NDArray[np.float64]] | None = None,
+    reactions: Sequence[tuple[Any, ...]] = (),
 ) -> Results:
-    """Results, in memory or at `path`: a frame, at step 10, of displacements (n, d), and bonds (step, node, neighbour)
-    broken."""
+    """Results, in memory or at `path`: a frame, at step 10, of displacements (n, d) or of the `fields` (n,), and bonds
+    (step, node, neighbour) broken."""
 
     def part(first: int, last: int) -> Families:
         start = families.start[first : last + 1]
@@ -72,7 +76,8 @@ def results_of(
     meta = {"time_step": 1e-6, "model": json.dumps(model)} | ({"dimension": 3} if d == 3 else {})
     writer = create_writer(path, nodes, part, cracks, meta)
     breaks = Breaks(*np.array(broken, dtype=np.int64).reshape(-1, 3).T)
-    writer.write(FrameRecord(10, 1e-5, dict(zip(("ux", "uy", "uz"), u.T, strict=False)), breaks, ledger, [], {}))
+    fields = dict(zip(("ux", "uy", "uz"), u.T, strict=False)) if fields is None else fields
+    writer.write(FrameRecord(10, 1e-5, fields, breaks, ledger, [], {}, reactions))
     if path is not None:
         writer.close("finished")
         return Results.open(path)

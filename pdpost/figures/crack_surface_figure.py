@@ -35,7 +35,7 @@ def crack_surface(results: Results, summary: CrackSurfaceSummary) -> Figure:
     """The surface of the cracks in a body and, once something opened, area and energy per area over time."""
     opened = bool(summary.surface.face_opened_during_run.any())
     low, high = _seen_box(results, summary)
-    tall = TALL * float(np.clip((high - low)[2] / (high - low)[:2].max(), FLATTEST, 1.0))
+    tall = TALL * _share_of_height(low, high)
     figure = Figure(figsize=(WIDTH, tall + CHARTS * opened), layout="constrained")
     grid = figure.add_gridspec(2 if opened else 1, 2, height_ratios=(tall, CHARTS) if opened else (1,))
     axes = figure.add_subplot(grid[0, :], projection="3d")
@@ -76,6 +76,11 @@ def _seen_box(results: Results, summary: CrackSurfaceSummary) -> tuple[NDArray[n
     return low, high
 
 
+def _share_of_height(low: NDArray[np.float64], high: NDArray[np.float64]) -> float:
+    """Height of the panel of a box over that of a cube's: flat boxes need less."""
+    return float(np.clip((high - low)[2] / (high - low)[:2].max(), FLATTEST, 1.0))
+
+
 def _long_front_lines(summary: CrackSurfaceSummary) -> list[NDArray[np.float64]]:
     """Lines (k, 3), m, of the front that are long beside the crack; others surround single faces that did not open."""
     surface = summary.surface
@@ -112,7 +117,7 @@ def _surface(axes: Axes3D, results: Results, summary: CrackSurfaceSummary) -> Op
         axes.locator_params(
             axis=name, nbins=max(2, round(TICKS * (upper - lower) / float(np.ptp([low, high], axis=0).max() * metre)))
         )
-    axes.set_box_aspect(high - low, zoom=ZOOM)
+    axes.set_box_aspect(high - low, zoom=ZOOM / _share_of_height(low, high))
     axes.view_init(*VIEW)
     axes.grid(visible=False)
     return opening

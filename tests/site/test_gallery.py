@@ -6,7 +6,20 @@ import re
 
 import pytest
 
-from benchmarks.gallery import FRONT, PAGE, picture_of, sections, shipped, texts
+from benchmarks.gallery import (
+    FRONT,
+    FURTHER,
+    PAGE,
+    SHOWN,
+    Shown,
+    is_stale,
+    picture_of,
+    recorded,
+    scene_mark,
+    sections,
+    shipped,
+    texts,
+)
 from benchmarks.pages import read_block
 
 SHORT = "Acta|Appl|Basic|Comput|Div|Eng|Europhys|Fract|Int|Lett|Lond|Mater|Mech|Proc|Soc|Struct"
@@ -15,6 +28,25 @@ SHORT = "Acta|Appl|Basic|Comput|Div|Eng|Europhys|Fract|Int|Lett|Lond|Mater|Mech|
 def test_the_page_is_as_written() -> None:
     assert read_block(PAGE, "scenes") == sections(shipped())
     assert {path.stem for path in picture_of(shipped()[0]).parent.glob("*.png")} == {path.stem for path in shipped()}
+
+
+PICTURES = {SHOWN.get(path.name, Shown()).picture: path for path in shipped()}  # a scene of each command
+
+
+def test_the_pictures_are_of_the_present_scenes() -> None:
+    """Stale ones are drawn anew by `python -m benchmarks.gallery --stale`."""
+    records = recorded()
+    assert set(records) == {*FURTHER, *(path.stem for path in shipped())}
+    assert [path.stem for path in shipped() if records[path.stem]["scene"] != scene_mark(path)] == []
+
+
+@pytest.mark.parametrize("command", PICTURES)
+def test_the_pictures_are_of_the_present_drawing_code(command: str) -> None:
+    """Each command draws for small results what it drew when the gallery was drawn."""
+    assert not is_stale(PICTURES[command])
+    alike = [record for record in recorded().values() if record["command"] == command]
+    dimension = recorded()[PICTURES[command].stem]["dimension"]
+    assert len({record["drawing"] for record in alike if record["dimension"] == dimension}) == 1
 
 
 def test_twelve_pictures_stand_above_of_which_one_is_a_fork_in_a_plate() -> None:
