@@ -26,6 +26,7 @@ from pdmesh.model.rigid_bodies import components_set
 from pdmesh.model.selection import components
 from pdmesh.model.suggestions import called
 from pdmesh.model.triangulated_surface import distances
+from pdsolve.bonds.interfaces import Interfaces, cut_of_springs
 from pdsolve.laws import law_named, material_checks, micropolar
 from pdsolve.model import Model, ModelError, ModelNote, ModelWarning
 from pdsolve.operators.protocol import Operator
@@ -121,12 +122,16 @@ def _refuse_cohesive_fields(model: Model) -> None:
 
 def _refuse_cohesive_interfaces(model: Model) -> None:
     """Raise ModelError for an interface whose bonds hold more than its G0 when they begin to soften."""
-    ratio, widest = model.settings.horizon.ratio, float(model.horizons.max())
+    ratio, interfaces = model.settings.horizon.ratio, Interfaces(model)
     for number, interface in enumerate(model.settings.interfaces):
-        for material in model.materials if interface.G0 or interface.f_t else ():
+        for at in np.flatnonzero(interfaces.materials(number)):
+            material, widest = model.materials[at], _widest(model, int(at))
+            if material.law != "cohesive":
+                continue
             own = {"G0": interface.G0 or material.G0, "f_t": interface.f_t or material.f_t}
             one = msgspec.structs.replace(material, E=material.E * interface.stiffness, **own)
-            if material.law == "cohesive" and (most := largest_horizon(one, ratio)) <= widest:
+            cost = cut_of_springs(material, ratio).largest_cost()  # a bond has its G0 over this or less
+            if (most := largest_horizon(one, ratio) / cost) <= widest:
                 raise ModelError(
                     f"{model.name}: $.interfaces[{number}]: E, G0 and f_t need a horizon below {most:.4g} m, not"
                     f" {widest:g} m; use a finer spacing, or a smaller f_t"
@@ -169,6 +174,13 @@ def warn_of_model(model: Model, unbonded: NDArray[np.int64], partial_cells: bool
         )
     if model.grid.lattice is None:
         _places(model, nearest(model))
+    for number in Interfaces(model).uncrossed(partial_cells) if model.settings.interfaces else ():
+        name = model.settings.interfaces[number].name or f"{number + 1}"
+        warn(
+            model,
+            f"$.interfaces[{number}]: interface '{name}' crosses no bond; name regions that touch, or"
+            " draw it inside the model, in m",
+        )
     lonely = np.setdiff1d(unbonded, _cracks(model))
     lonely = lonely[~model.grid.rigid[lonely]] if model.grid.bodies is not None else lonely
     if len(lonely):

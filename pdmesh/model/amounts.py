@@ -22,9 +22,10 @@ def pair_count(directed: int) -> int:
 def crack_energy(cracks: dict[str, float], unit: str) -> str:
     """The area that broke, G0 times it, and what bonds took: a check of physics, which the balance is not."""
     spent, cost = cracks["spent"], cracks["cost"]
+    others = " (interfaces have a G0 of their own)" if cracks.get("interfaces") else ""
     return (
         f"cracks: area {cracks['area']:.4g} {'m' if unit == 'J/m' else 'm^2'}, times G0 {cost:.4g} {unit}; bonds took"
-        f" {spent:.4g} {unit}, {spent / cost:.2f} of that"
+        f" {spent:.4g} {unit}, {spent / cost:.2f} of that{others}"
     )
 
 

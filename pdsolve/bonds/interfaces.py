@@ -14,6 +14,7 @@ horizon of 3 spacings, which the cost hardly shows.
 from __future__ import annotations
 
 import copy
+from collections.abc import Iterator
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -25,10 +26,12 @@ from pdmesh.model.interfaces import ANY, REST, Interface
 from pdmesh.model.lattice_calibration import calibrated_family, calibration, has_partial_cells
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import critical_stretch
-from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, lengths, row_chunks
+from pdmesh.model.neighbours import ROUND_OFF, Neighbours, Pairs, chosen, lengths, row_chunks
 from pdsolve.model import Model
 
 SLACK = 1e-6  # of a face: how far beside it a bond still crosses it
+EVEN = 1e-6  # size of a gradient that is round-off; those of boundaries are about 1
+DIRECTIONS = 33  # components that are tried along each axis for the dearest cut
 DIGITS = 2  # of the components of normals: the cost of a cut changes by 0.2 % between two of them
 
 
@@ -42,7 +45,17 @@ class Cut(NamedTuple):
         """Energy (p,) of cuts with these normals (p, d), over G0."""
         rounded, which = np.unique(np.abs(np.round(normal, DIGITS)), axis=0, return_inverse=True)
         rounded /= lengths(rounded)[:, None]
-        return np.asarray((np.abs(rounded @ self.xi.T) @ self.energy)[which.ravel()])
+        total = np.zeros(len(rounded))
+        for xi, energy in zip(self.xi, self.energy, strict=True):  # in this order however many normals there are
+            along = sum(column * component for column, component in zip(rounded.T, xi, strict=True))
+            total += np.abs(along) * energy
+        return np.asarray(total[which.ravel()])
+
+    def largest_cost(self) -> float:
+        """Energy of the dearest cut, over G0."""
+        components = (np.linspace(0, 1, DIRECTIONS),) * self.xi.shape[1]
+        ways = np.stack(np.meshgrid(*components), axis=-1).reshape(-1, len(components))[1:]
+        return float(self.cost(ways / lengths(ways)[:, None]).max())
 
 
 @lru_cache
@@ -133,6 +146,45 @@ class Interfaces:
         crossings = self.crossed(pairs)
         return 1.0 if crossings is None else crossings.stiffness
 
+    def materials(self, number: int) -> NDArray[np.bool_]:
+        """Mask of the materials, by their numbers, that bonds across an interface may have at their ends."""
+        names = self._interfaces[number].between or (ANY,)
+        return np.asarray(np.any([self._is_called(name) for name in names], axis=0))
+
+    def uncrossed(self, partial_cells: bool) -> list[int]:
+        """Numbers of the interfaces that no bond crosses; `partial_cells`: bonds reach half a spacing further."""
+        grid = self._model.grid
+        reach = self._model.horizons + (0.5 * grid.delta if partial_cells else 0.0)
+        neighbours = Neighbours(grid.position, grid.delta, reach, mutual=True)
+        return [
+            number
+            for number, interface in enumerate(self._interfaces)
+            if not any(self._crosses(interface, self._bonded(neighbours, rows)) for rows in self._beside(interface))
+        ]
+
+    def _beside(self, interface: Interface) -> Iterator[NDArray[np.int64]]:
+        """Rows of nodes that bonds across an interface may start at, some at a time."""
+        model, grid, d = self._model, self._model.grid, self._model.grid.dimension
+        if interface.between is None:
+            corners = np.array(interface.faces, dtype=float).reshape(-1, d)
+            far = float((model.horizons + grid.delta).max())
+            rows = grid.chosen(None, [*(corners.min(axis=0) - far), *(corners.max(axis=0) + far)])
+        else:
+            sides = (self._is_called(name)[model.material_of] for name in interface.between)
+            rows = min((np.flatnonzero(side) for side in sides), key=len)
+        return (rows[part] for part in row_chunks(len(rows)))
+
+    def _crosses(self, interface: Interface, pairs: Pairs) -> bool:
+        """Whether one of these pairs crosses an interface."""
+        if interface.between is not None:
+            return bool(self._between(interface, pairs).any())
+        return any(len(self._across(corners, pairs)[0]) for corners in self._faces(interface, pairs))
+
+    def _bonded(self, neighbours: Neighbours, rows: NDArray[np.int64]) -> Pairs:
+        """The pairs of these rows in one body."""
+        pairs, bodies = neighbours.pairs(rows), self._model.grid.bodies
+        return pairs if bodies is None else chosen(pairs, ~bodies.parted(pairs.source, pairs.target))
+
     def _between(self, interface: Interface, pairs: Pairs) -> NDArray[np.bool_]:
         """Mask (b,) of pairs between the two regions of an interface."""
         assert interface.between is not None
@@ -156,19 +208,16 @@ class Interfaces:
         number, normals = model.material_of, np.zeros((len(grid), grid.dimension))
         neighbours = Neighbours(grid.position, grid.delta, model.horizons, mutual=True)
         for rows in row_chunks(len(grid)):
-            source, target, _ = neighbours.pairs(rows)
-            if grid.bodies is not None:
-                together = ~grid.bodies.parted(source, target)
-                source, target = source[together], target[together]
+            source, target, _ = self._bonded(neighbours, rows)
             other = (number[source] != number[target]).astype(float)
             place = source - rows[0]
             near = np.bincount(place, other, len(rows)) > 0
-            chosen = near[place]
-            xi = (grid.position[target[chosen]] - grid.position[source[chosen]]) / model.horizons[source[chosen], None]
+            here = near[place]
+            xi = (grid.position[target[here]] - grid.position[source[here]]) / model.horizons[source[here], None]
             numbers = np.cumsum(near) - 1
-            gradient = _gradients(numbers[place[chosen]], xi, other[chosen], int(near.sum()))
+            gradient = _gradients(numbers[place[here]], xi, other[here], int(near.sum()))
             size = lengths(gradient)[:, None]
-            normals[rows[near]] = np.where(size > 0, gradient / np.where(size > 0, size, 1.0), 0.0)
+            normals[rows[near]] = np.where(size > EVEN, gradient / np.maximum(size, EVEN), 0.0)
         return normals
 
     def _faces(self, interface: Interface, pairs: Pairs) -> list[NDArray[np.float64]]:

@@ -12,7 +12,7 @@ from pdmesh.model.material import Material
 from pdmesh.model.output_fields import CRACKED
 from pdsolve.measures.crack_faces import CrackSurface, build_crack_surface, find_opened_face_neighbours
 from pdsolve.measures.crack_fronts import Polyline, estimate_front_speed_at_faces, front_lines_at, line_length
-from pdsolve.measures.embedded_model import at_rest, read
+from pdsolve.measures.embedded_model import at_rest, own_G0, read
 from pdsolve.measures.fragments import BodyFragments, find_body_fragments
 from pdsolve.measures.frame_steps import frames, last_step, time_text
 from pdsolve.measures.json_keys import fields_by_json_key
@@ -40,6 +40,7 @@ class CrackSurfaceSummary:
     fragments: BodyFragments
     rayleigh_speed: float  # m/s
     G0: float  # J/m^2, of the body's own material
+    G0_remark: str = ""  # on ratios to G0
 
     @property
     def dissipated_energy_per_area(self) -> NDArray[np.float64]:
@@ -81,6 +82,7 @@ def crack_3d(results: Results, step: int | None = None, threshold: float = CRACK
         fragments=find_body_fragments(results, step, parted_pairs),
         rayleigh_speed=plate_rayleigh_speed(results),
         G0=read(results, _FractureEnergyGridFileKeys).material.G0,
+        G0_remark=own_G0(results),
     )
 
 
@@ -152,7 +154,7 @@ def summary_sentences(summary: CrackSurfaceSummary) -> list[str]:
     first_opening_time = float(summary.surface.opening_time[new_faces][0])
     lines = [
         f"area that opened: {area * 1e6:.4g} mm^2, the first at {time_text(first_opening_time)}",
-        f"dissipated over area, of G0: {summary.dissipated_energy_per_area[-1] / summary.G0:.3g}",
+        f"dissipated over area, of G0: {summary.dissipated_energy_per_area[-1] / summary.G0:.3g}{summary.G0_remark}",
         f"front at the end: {front}",
     ]
     if speed is not None:

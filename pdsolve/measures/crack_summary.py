@@ -16,7 +16,7 @@ from pdsolve.measures.directions import (
     PredictedCrackDirection,
     measure_initial_directions,
 )
-from pdsolve.measures.embedded_model import at_rest, moment
+from pdsolve.measures.embedded_model import at_rest, moment, own_G0
 from pdsolve.measures.fragments import PlateFragments, find_plate_fragments
 from pdsolve.measures.frame_steps import last_step, time_text
 from pdsolve.measures.json_keys import fields_by_json_key
@@ -47,6 +47,7 @@ class CrackPathSummary:
     rayleigh_speed: float  # m/s
     energy_release: EnergyRelease  # energy over crack advance
     is_quasi_static: bool = False  # cracks went from load step to load step, and have no speed
+    G0_remark: str = ""  # on ratios to G0
 
 
 def crack(
@@ -77,6 +78,7 @@ def crack(
         limit,
         measure_energy_release(results, branches),
         rest,
+        own_G0(results),
     )
 
 
@@ -163,7 +165,7 @@ def summary_sentences(summary: CrackPathSummary) -> list[str]:
         lines.append(
             f"fork at {where}: {fork.angle_between_outer_arms:.1f} degrees between {len(fork.arm_angles)} arms"
         )
-    lines += _energy_release_sentences(summary.energy_release)
+    lines += _energy_release_sentences(summary.energy_release, summary.G0_remark)
     for way in summary.initial_directions:
         band = (
             f" ({way.angle_lower_bound:+.1f} to {way.angle_upper_bound:+.1f})"
@@ -215,7 +217,7 @@ def _small_piece_sentences(fragments: PlateFragments) -> list[str]:
     ]
 
 
-def _energy_release_sentences(release: EnergyRelease) -> list[str]:
+def _energy_release_sentences(release: EnergyRelease, G0_remark: str) -> list[str]:
     """Words for the energy dissipated per area of the cracks, over G0."""
     finite_values = release.release_rate[np.isfinite(release.release_rate)]
     if not len(finite_values):
@@ -224,7 +226,8 @@ def _energy_release_sentences(release: EnergyRelease) -> list[str]:
     total_text = f"{release.overall_release_rate / release.G0:.3g} on the whole"
     if release.dissipated_before_growth > NOTHING * release.overall_release_rate * release.crack_length[-1]:
         total_text += f", with {release.dissipated_before_growth:.3g} J/m before they grew"
-    return [f"energy dissipated per crack area / G0: median {middle:.3g}, {low:.3g} to {high:.3g}; {total_text}"]
+    ratios = f"median {middle:.3g}, {low:.3g} to {high:.3g}; {total_text}{G0_remark}"
+    return [f"energy dissipated per crack area / G0: {ratios}"]
 
 
 def prediction_sentences(predictions: Sequence[PredictedCrackDirection], results: Results) -> list[str]:

@@ -12,6 +12,7 @@ from pdmesh.messages import unfit
 from pdmesh.model.contradictions import beyond
 from pdmesh.model.document import LARGEST, Crack, Run, Selection, Settings, Vector
 from pdmesh.model.grid_file_nodes import repeated_key
+from pdmesh.model.interfaces import Interface
 from pdmesh.model.suggestions import decode_older, explained
 from pdsolve.measures.frame_steps import time_text
 from pdsolve.results import Results, ResultsError
@@ -29,6 +30,12 @@ class _Solved(msgspec.Struct):
     """The key of the grid file that says how the model is solved."""
 
     run: Run = Run()
+
+
+class _Interfaces(msgspec.Struct):
+    """The key of the grid file that has its interfaces."""
+
+    interfaces: tuple[Interface, ...] = ()
 
 
 class _Model(Settings, frozen=True, kw_only=True):
@@ -130,6 +137,11 @@ def physics_of(results: Results) -> str:
 def run_of(results: Results) -> Run:
     """The solver settings of the model. Raises ResultsError."""
     return read(results, _Solved).run
+
+
+def own_G0(results: Results) -> str:
+    """A remark on a ratio to G0 where bonds across interfaces may have another; empty without interfaces."""
+    return "; of the material's own G0, interfaces have others" if read(results, _Interfaces).interfaces else ""
 
 
 def at_rest(results: Results) -> bool:

@@ -285,8 +285,9 @@ class EnergyAccounts:
         created = self.balance_error * self.last.energy_scale(
             system.initial_energy, max(self._largest_work, self._heat_energy)
         )
+        joined = {"interfaces": len(model.settings.interfaces)} if model.settings.interfaces else {}
         sure = system.scheme.symmetric and model.settings.contact is None
-        return {"cracks": {**cracks._asdict(), "spent": self.last.dissipated - (created if sure else 0.0)}}
+        return {"cracks": {**cracks._asdict(), "spent": self.last.dissipated - (created if sure else 0.0), **joined}}
 
     def warn_at_end(self) -> None:
         """Issue warnings that follow from the last records."""

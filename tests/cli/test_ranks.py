@@ -24,7 +24,9 @@ from database_contents import contents
 from messages import mentions
 from plates import GLASS, STEEL, interface_grid, plate, square_grid, two_cubes
 
-from pdmesh.model.document import Absorb, Contact, Displacement, Lattice, Load, RigidBody, Run, Velocity
+from pdmesh.model.document import Absorb, Contact, Displacement, Lattice, Load, Region, RigidBody, Run, Velocity
+from pdmesh.model.interfaces import Interface
+from pdmesh.model.material import Material
 from pdmesh.model.node_grid import Bodies, Grid, whole_lattice
 from pdsolve.model import Model, read_model
 from pdsolve.results import Results, ResultsError
@@ -132,6 +134,17 @@ COHESIVE = msgspec.structs.replace(GLASS, law="cohesive", f_t=50e6)
 NOTCHED = dataclasses.replace(square_grid(21, 12, y0=-5.5e-3), cracks=np.array([[-1.0, 0.0, 8e-3, 0.0]]))
 
 
+def joined(material: Material = GLASS, **interface: float) -> Model:
+    """A plate torn apart with an interface to a region on the right, and one along a drawn line that is oblique."""
+    right = Region(name="right", box=(12.2e-3, -1.0, 1.0, 1.0), material=material)
+    weak = {"G0": GLASS.G0 / 2, "stiffness": 0.9, **interface}
+    interfaces = (
+        Interface(between=("right", "rest"), **weak),
+        Interface(faces=((0.0, -3.1e-3, 20e-3, 2.3e-3),), **weak),
+    )
+    return torn(NOTCHED, material=material, regions=(right,), interfaces=interfaces)
+
+
 def changed_run(model: Model, **more: Any) -> Model:
     settings = msgspec.structs.replace(model.settings, run=msgspec.structs.replace(model.settings.run, **more))
     return Model(model.grid, settings)
@@ -156,6 +169,8 @@ CASES = {
     "a layer that absorbs": (absorbing(), 3),
     "a softening body": (pulled(law="bilinear", kr=2.0), 3),
     "cohesive": (torn(NOTCHED, material=COHESIVE), 3),
+    "interfaces": (joined(), 3),
+    "cohesive interfaces": (joined(COHESIVE, f_t=20e6), 2),
     "a cohesive body": (pulled(law="cohesive", f_t=50e6), 3),
     "a body of any shape": (shaped(), 3),
     **{f"a body of two spacings on {count} ranks": (pulled_cubes(), count) for count in (2, 3, 5)},

@@ -11,11 +11,15 @@ from node_clouds import cubic_grid
 from plates import GLASS, plate, square_grid
 
 from pdmesh import Material, Scene, SceneError, box, build
+from pdmesh.model.cohesive_softening import largest_horizon
 from pdmesh.model.document import Region, Run
-from pdmesh.model.interfaces import Interface
+from pdmesh.model.interfaces import Interface, wrong_interface
+from pdmesh.model.neighbours import lengths
 from pdmesh.model.node_grid import document_of
 from pdsolve.bonds.assembly import Bonds
-from pdsolve.model import Model, ModelError, model_of
+from pdsolve.bonds.interfaces import Interfaces, cut_of_springs
+from pdsolve.estimate import estimate_run
+from pdsolve.model import Model, ModelError, ModelWarning, model_of
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
 from pdsolve.schemes import SCHEMES
@@ -181,6 +185,8 @@ def test_a_scene_and_its_file_hold_it() -> None:
         ({"between": ("upper", "rest")}, ": none of G0, f_t and stiffness is given"),
         ({"faces": ((0.0, 0.0, 0.0, 0.0),), "G0": 1.0}, ".faces[0]: two corners are in one place"),
         ({"faces": ((0.0,) * 9,), "G0": 1.0}, ".faces[0] has 9 numbers; use a segment"),
+        ({"between": ("upper", "upper"), "G0": 1.0}, ".between: no bond goes from 'upper' to another 'upper'"),
+        ({"between": ("rest", "rest"), "G0": 1.0}, ".between: no bond goes from 'rest' to another 'rest'"),
     ],
 )
 def test_bad_ones_are_refused(interface: dict[str, Any], said: str) -> None:
@@ -188,6 +194,87 @@ def test_bad_ones_are_refused(interface: dict[str, Any], said: str) -> None:
     with pytest.raises(ModelError, match=r"\$") as error:
         Model(model.grid, msgspec.structs.replace(model.settings, interfaces=(Interface(**interface),)))
     assert str(error.value).startswith(f"model: $.interfaces[0]{said}")
+
+
+@pytest.mark.parametrize("wrong", [{"stiffness": np.inf}, {"f_t": np.nan}, {"faces": ((0.0, 0.0, np.nan, 1.0),)}])
+def test_numbers_that_are_not_finite_are_refused(wrong: dict[str, Any]) -> None:
+    interface = Interface(**{"faces": ((0.0, 0.0, 1.0, 1.0),), "G0": 1.0, **wrong})
+    said = wrong_interface(interface, (), 2)
+    assert said is not None
+    assert said.startswith(f".{next(iter(wrong))}")
+    assert "finite" in said
+
+
+def test_a_triangle_without_area_is_refused() -> None:
+    line = (0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 3.0, 3.0, 3.0 + 1e-12)
+    with pytest.raises(ModelError, match=r"interfaces\[0\].faces\[0\]: its corners are on one line"):
+        plate(cubic_grid(4), 3, interfaces=(Interface(faces=(line,), G0=1.0),))
+
+
+@pytest.mark.parametrize("constants", [{"G0": 2.04}, {"stiffness": 0.01}, {"f_t": 200e6}])
+def test_cohesive_bonds_that_hold_more_than_their_toughness_are_refused(constants: dict[str, float]) -> None:
+    model, _ = two_halves(COHESIVE, **constants)
+    with pytest.raises(ModelError, match=r"\$\.interfaces\[0\]"):
+        prepare(model, Options(threads=1))
+
+
+def test_they_are_refused_by_the_dearest_direction() -> None:
+    """2 % more than a cut along a row needs is too little, as an oblique cut costs 5 % more; 6 % is enough."""
+    enough_along_a_row = COHESIVE.G0 * 3e-3 / largest_horizon(COHESIVE, 3)
+    refused, _ = two_halves(COHESIVE, G0=1.02 * enough_along_a_row)
+    with pytest.raises(ModelError, match=r"\$\.interfaces\[0\]"):
+        prepare(refused, Options(threads=1))
+    model, _ = two_halves(COHESIVE, G0=1.06 * enough_along_a_row)
+    prepare(model, Options(threads=1))
+    bonds = bonds_of(model)
+    assert (bonds.limit > bonds.peak).all()
+
+
+def test_the_dearest_cut_costs_what_the_lattice_says() -> None:
+    costs = [cut_of_springs(COHESIVE, ratio).largest_cost() for ratio in (2, 3)]
+    assert costs == pytest.approx([1.0824, 1.0504], abs=3e-4)
+
+
+def test_one_that_no_bond_crosses_is_told() -> None:
+    """Lines in mm and regions that do not touch; those that bonds cross are not told."""
+    grid = square_grid(11, 12)
+    height = grid.position[:, 1]
+    ends = {"lower": height < 1.5e-3, "upper": height > 9.5e-3}
+    regions = tuple(Region(name=k, nodes=tuple(grid.ids[at].tolist()), material=GLASS) for k, at in ends.items())
+    crossed = (
+        Interface(between=("lower", "rest"), G0=1.0),
+        Interface(between=("*", "*"), G0=1.0),
+        Interface(faces=((-1.0, 5e-3, 1.0, 5e-3),), G0=1.0),
+    )
+    missed = (
+        Interface(name="far", between=("lower", "upper"), G0=1.0),
+        Interface(name="mm", faces=((0.0, 5.0, 10.0, 5.0),), G0=1.0),
+    )
+    model = plate(grid, 3, regions=regions, interfaces=(*crossed, *missed))
+    with pytest.warns(ModelWarning) as warned:
+        estimate_run(model, Options(threads=1))
+    said = [str(each.message) for each in warned if "crosses no bond" in str(each.message)]
+    assert [line.split("'")[1] for line in said] == ["far", "mm"]
+    assert "$.interfaces[3]" in said[0]
+
+
+def test_costs_do_not_depend_on_what_they_are_asked_with() -> None:
+    normal = np.random.default_rng(1).normal(size=(300, 2))
+    normal /= np.hypot(*normal.T)[:, None]
+    cut = cut_of_springs(GLASS, 3)
+    assert cut.cost(normal).tolist() == [float(cut.cost(-one[None])[0]) for one in normal]
+
+
+def test_round_off_is_no_normal() -> None:
+    """A layer of one row, as far from one side as from the other: its nodes have no direction of their own."""
+    grid = square_grid(21, 21)
+    middle = np.abs(grid.position[:, 1] - grid.position[:, 1].mean()) < 1e-9
+    layer = Region(name="layer", nodes=tuple(grid.ids[middle].tolist()), material=GLASS)
+    model = plate(grid, 3, regions=(layer,), interfaces=(Interface(between=("layer", "rest"), G0=1.0),))
+    size = lengths(Interfaces(model)._normals)
+    assert np.all((size == 0) | (np.abs(size - 1) < 1e-9))
+    assert not size[middle][3:-3].any()
+    assert size[~middle].max() == pytest.approx(1)
 
 
 def test_constants_that_bonds_do_not_have_are_refused() -> None:

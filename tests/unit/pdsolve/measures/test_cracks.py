@@ -11,10 +11,17 @@ import pytest
 from damaged_results import alone, at, lattice, run
 from new_databases import create_writer
 
+from pdmesh.model.amounts import crack_energy
 from pdpost.exports import csv_columns
 from pdpost.reading.tables import queries
 from pdsolve.measures.bond_pairs import read_bond_pairs
-from pdsolve.measures.crack_summary import CrackPathSummary, crack, summary_for_json, summary_sentences
+from pdsolve.measures.crack_summary import (
+    CrackPathSummary,
+    _energy_release_sentences,
+    crack,
+    summary_for_json,
+    summary_sentences,
+)
 from pdsolve.measures.cracked_nodes import (
     damage_with_pre_cracks_at,
     damage_without_pre_cracks_at,
@@ -193,6 +200,19 @@ def test_since_when_nodes_are_cracked(small_results: Path) -> None:
                 cracked = damage_with_pre_cracks_at(results, step) > threshold
                 assert np.array_equal(cracked, (since >= 0) & (since <= step))
         assert (first_cracked_step_of_nodes(results) > 0).sum() > 10
+
+
+def test_a_ratio_to_G0_says_that_interfaces_have_others() -> None:
+    joined = json.dumps(json.loads(PLATE) | {"interfaces": [{"faces": [[0.0, 0.0, 1.0, 0.0]], "G0": 1.0}]})
+    said = [crack(run(lattice(40, 41), TRUNK + ARMS, model=model)).G0_remark for model in (PLATE, joined)]
+    assert said[0] == ""
+    assert "interfaces" in said[1]
+    release = EnergyRelease(np.zeros(3), np.ones(3), np.array([50.0, 60.0, 70.0]), 100.0, 0.0, 60.0)
+    (line,) = _energy_release_sentences(release, said[1])
+    assert line.endswith(said[1])
+    cracks = {"area": 1.0, "cost": 2.0, "spent": 1.0}
+    assert "interfaces" not in crack_energy(cracks, "J/m")
+    assert "interfaces" in crack_energy(cracks | {"interfaces": 1}, "J/m")
 
 
 def test_pieces_beside_crumbs_are_said_to_be_few() -> None:
