@@ -49,7 +49,7 @@ def with_fields(grid: Grid, settings: Settings, placed: Sequence[PlacedField], s
             values = _values(field, grid, materials, number, before, rows, settings.horizon.ratio, spacing)
         except PlaceError as error:
             raise SceneError(f"{field.place}: {error}") from None
-        wrong = wrong_values(quantity, np.where(np.isnan(values), -np.inf, values))
+        wrong = wrong_values(quantity, np.where(np.isnan(values), -np.inf, values), materials)
         if wrong is not None:
             place = ", ".join(f"{along:g}" for along in grid.part(rows[[wrong[0]]]).position[0])
             raise SceneError(f"{field.place} is {values[wrong[0]]:g} at ({place}) m; use {wrong[1]}")

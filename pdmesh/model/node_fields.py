@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, NamedTuple, get_args
 import msgspec
 
 from pdmesh.model.base_structs import PlainStruct
+from pdmesh.model.orthotropic import ORTHOTROPIC
 
 if TYPE_CHECKING:
     import numpy as np
@@ -24,6 +25,7 @@ QUANTITIES: tuple[Quantity, ...] = get_args(Quantity)
 LEAST, MOST = 1e-30, 1e30  # of E, rho and G0 too: products of a few of them stay numbers
 SIGNED = ("hardening", "alpha", "angle")  # may be 0 or negative
 RATIOS = -1.0, 0.5  # of nu, neither included
+RATIOS_OF_PLIES = -1.0, 1.0  # likewise, where all materials are plies; their energy is checked with E / E2
 
 
 class NodeField(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
@@ -43,8 +45,8 @@ class FieldColumn(NamedTuple):
     source: str = ""
 
 
-def columns_of(records: Sequence[NodeField], nodes: int) -> tuple[FieldColumn, ...]:
-    """The fields of a file as arrays. Raises ValueError, beginning with the place in the file."""
+def columns_of(records: Sequence[NodeField], nodes: int, materials: Sequence[Material] = ()) -> tuple[FieldColumn, ...]:
+    """The fields of a file with these materials as arrays. Raises ValueError, beginning with the place in the file."""
     import numpy as np
 
     columns: list[FieldColumn] = []
@@ -55,7 +57,7 @@ def columns_of(records: Sequence[NodeField], nodes: int) -> tuple[FieldColumn, .
         if any(column.quantity == record.quantity for column in columns):
             raise ValueError(f"{place}.quantity: {record.quantity} is there twice; use one field for it")
         values = np.array([np.nan if value is None else value for value in record.values], dtype=float)
-        wrong = wrong_values(record.quantity, values)
+        wrong = wrong_values(record.quantity, values, materials)
         if wrong is not None:
             raise ValueError(f"{place}.values[{wrong[0]}] is {values[wrong[0]]:g}; use {wrong[1]}")
         columns.append(FieldColumn(record.quantity, values, record.source))
@@ -70,12 +72,19 @@ def records_of(columns: Sequence[FieldColumn]) -> tuple[NodeField, ...]:
     )
 
 
-def wrong_values(quantity: str, values: NDArray[np.float64]) -> tuple[int, str] | None:
-    """The first value (n,) that a constant cannot have, and what to use; None without one. NaN stands for none."""
+def wrong_values(
+    quantity: str, values: NDArray[np.float64], materials: Sequence[Material] = ()
+) -> tuple[int, str] | None:
+    """The first value (n,) that a constant of these materials cannot have, and what to use; None without one.
+
+    NaN stands for none.
+    """
     import numpy as np
 
     if quantity == "nu":
-        bad, use = (values <= RATIOS[0]) | (values >= RATIOS[1]), f"more than {RATIOS[0]:g} and less than {RATIOS[1]:g}"
+        plies = bool(materials) and all(material.solid == ORTHOTROPIC for material in materials)
+        least, most = RATIOS_OF_PLIES if plies else RATIOS
+        bad, use = (values <= least) | (values >= most), f"more than {least:g} and less than {most:g}"
     elif quantity in SIGNED:
         bad, use = np.abs(values) > MOST, f"at most {MOST:g}"
     else:
@@ -109,7 +118,7 @@ def unused(quantity: str, material: Material, physics: str) -> str | None:
         ),
         "f_t": (material.law == "cohesive", "law 'cohesive'"),
         "strength": (material.failure == "stress", "failure 'stress'"),
-        "angle": (material.solid == "orthotropic", "solid 'orthotropic'"),
+        "angle": (material.solid == ORTHOTROPIC, "solid 'orthotropic'"),
         "alpha": (physics == "thermoelastic", "physics 'thermoelastic'"),
         **dict.fromkeys(("yield_stress", "hardening"), (material.solid == "j2", "solid 'j2'")),
     }

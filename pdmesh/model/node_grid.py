@@ -21,6 +21,7 @@ from pdmesh.model.document import (
     Vector,
 )
 from pdmesh.model.grid_file_nodes import NodeColumns, columns_of
+from pdmesh.model.material import Material
 from pdmesh.model.mechanical_conditions import REST, BodyNodes
 from pdmesh.model.node_arrays import Bodies as Bodies
 from pdmesh.model.node_arrays import Grid as Grid
@@ -31,6 +32,12 @@ from pdmesh.model.whole_lattice import places as places
 
 MOST_NODES = 4 * 10**8  # of a lattice
 MOST_CELLS = 16  # that a node stands for; those at holes and corners have up to 2.2
+
+
+def _materials_of(document: Document) -> tuple[Material, ...]:
+    """The materials of a document, or none."""
+    regions = tuple(region.material for region in document.regions)
+    return regions if document.material is None else (document.material, *regions)
 
 
 def grid_of(document: Document, name: str) -> Grid:
@@ -46,7 +53,10 @@ def grid_of(document: Document, name: str) -> Grid:
         raise GridError(f"{name}: $.nodes: id {first[counts.argmax()]} is there {counts.max()} times; use it once")
     d = document.dimension
     try:
-        bodies, field_columns = bodies_of(document.bodies, ids), field_columns_of(document.fields, len(nodes))
+        bodies, field_columns = (
+            bodies_of(document.bodies, ids),
+            field_columns_of(document.fields, len(nodes), _materials_of(document)),
+        )
     except ValueError as error:
         raise GridError(f"{name}: {error}") from None
     _check_nodes(name, position, delta, d)
@@ -96,7 +106,7 @@ def _grid_of_lattice(document: Document, lattice: Lattice, name: str) -> Grid:
         raise GridError(f"{name}: $.lattice reaches {np.abs(ends).max():g} m; use at most {LARGEST:g} m")
     _check_shapes(name, document)
     try:
-        field_columns = field_columns_of(document.fields, count)
+        field_columns = field_columns_of(document.fields, count, _materials_of(document))
     except ValueError as error:
         raise GridError(f"{name}: {error}") from None
     return whole_lattice(

@@ -339,6 +339,7 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(HEAT, COUNT, use="run.time_step and steps"),
     *excluded(HEAT, ORTHOTROPIC, because=" (it has one expansion, not one along and one across the fibres)"),
     *excluded(ORTHOTROPIC, ABSORB),
+    *excluded(ORTHOTROPIC, INTERFACES, because=" (interfaces weaken bonds that fail by stretch or energy)"),
     *excluded(CONTACT, HEAT, because=NO_HEAT),
     *excluded(CONTACT, ADAPTIVE, because=ONE_BODY),
     *excluded(CONTACT, START, PARTICLES, FATIGUE, THESIS),

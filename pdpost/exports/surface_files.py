@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pdmesh.files import write_atomically
 from pdpost.exports.frame_files import ExportError
-from pdsolve.measures.crack_3d import front_speeds_below_rayleigh_speed
+from pdsolve.measures.crack_3d import front_speeds_below_limit
 from pdsolve.measures.crack_faces import CrackSurface, build_crack_surface, find_opened_face_neighbours
 from pdsolve.results import Results
 
@@ -44,7 +44,7 @@ def write(path: Path, cracks: CrackSurface, speed: NDArray[np.float64]) -> None:
 def write_frame(path: Path, results: Results, step: int) -> None:
     """Write the surface of the cracks of a body after `step`."""
     cracks = build_crack_surface(results, step, find_opened_face_neighbours(results, step))
-    write(path, cracks, front_speeds_below_rayleigh_speed(results, cracks))
+    write(path, cracks, front_speeds_below_limit(results, cracks))
 
 
 def vtp(cracks: CrackSurface, speed: NDArray[np.float64]) -> bytes:

@@ -169,7 +169,7 @@ def _style(number: int, drawn_before: int) -> dict[str, Any]:
 
 def _speeds(shown: list[Numbered], speed: Axes, summary: CrackPathSummary) -> None:
     """Draw speed over time with its confidence band."""
-    limit = summary.rayleigh_speed
+    limit = summary.limiting_speed
     second, seconds = scaled((branch.passing_time for _, branch in shown), "s")
     fastest = max(float(np.nanmax(branch.speed.high, initial=0.0)) for _, branch in shown)
     slow = 0 < fastest < SLOW * limit
@@ -181,11 +181,11 @@ def _speeds(shown: list[Numbered], speed: Axes, summary: CrackPathSummary) -> No
         speed.plot(branch.passing_time * second, branch.speed.value * fast, **style)
     title = f"over {WINDOW:g} spacings, with its band"
     if slow:
-        title += f"; Rayleigh waves run at {limit:.0f} m/s"
+        title += f"; the {summary.limiting_speed_name} is {limit:.0f} m/s"
     else:
         speed.axhline(limit * fast, color="black", ls="--", lw=0.9)
         speed.annotate(
-            "Rayleigh speed", (1, limit * fast), (0, 2), xycoords=("axes fraction", "data"),
+            summary.limiting_speed_name, (1, limit * fast), (0, 2), xycoords=("axes fraction", "data"),
             textcoords="offset points", ha="right", va="bottom", fontsize="small",
         )  # fmt: skip
     speed.set_ylim(0, 1.15 * fast * (fastest if slow else limit))

@@ -16,7 +16,7 @@ from pdsolve.measures.embedded_model import at_rest, own_G0, read
 from pdsolve.measures.fragments import BodyFragments, find_body_fragments
 from pdsolve.measures.frame_steps import frames, last_step, time_text
 from pdsolve.measures.json_keys import fields_by_json_key
-from pdsolve.measures.speed import plate_rayleigh_speed
+from pdsolve.measures.speed import RAYLEIGH, limiting_speed
 from pdsolve.results import Results
 
 LISTED = 6  # fragments in sentences
@@ -38,9 +38,10 @@ class CrackSurfaceSummary:
     front_speed: NDArray[np.float64]  # (f,) m/s, of the front over each face; NaN where it is not known or at rest
     junction_edge_count: int  # edges where more than two faces meet: a crack branched there, or two met
     fragments: BodyFragments
-    rayleigh_speed: float  # m/s
+    limiting_speed: float  # m/s: of waves, that cracks stay below
     G0: float  # J/m^2, of the body's own material
     G0_remark: str = ""  # on ratios to G0
+    limiting_speed_name: str = RAYLEIGH
 
     @property
     def dissipated_energy_per_area(self) -> NDArray[np.float64]:
@@ -67,6 +68,7 @@ def crack_3d(results: Results, step: int | None = None, threshold: float = CRACK
     parted_pairs = find_opened_face_neighbours(results, step, threshold)
     cracks = build_crack_surface(results, step, parted_pairs)
     energy_balance = results.history()
+    limit = limiting_speed(results)
     last = step * float(results.meta()["time_step"])
     return CrackSurfaceSummary(
         step=step,
@@ -77,21 +79,22 @@ def crack_3d(results: Results, step: int | None = None, threshold: float = CRACK
         dissipated_energy=np.interp(times, energy_balance["time"], energy_balance["dissipated"]),
         front_length=np.array([sum(map(line_length, front_lines_at(cracks, time))) for time in times]),
         front_lines=front_lines_at(cracks, last),
-        front_speed=front_speeds_below_rayleigh_speed(results, cracks),
+        front_speed=front_speeds_below_limit(results, cracks),
         junction_edge_count=int((np.bincount(cracks.face_edges.ravel(), minlength=len(cracks.edge_corners)) > 2).sum()),
         fragments=find_body_fragments(results, step, parted_pairs),
-        rayleigh_speed=plate_rayleigh_speed(results),
+        limiting_speed=limit.value,
         G0=read(results, _FractureEnergyGridFileKeys).material.G0,
         G0_remark=own_G0(results),
+        limiting_speed_name=limit.name,
     )
 
 
-def front_speeds_below_rayleigh_speed(results: Results, cracks: CrackSurface) -> NDArray[np.float64]:
+def front_speeds_below_limit(results: Results, cracks: CrackSurface) -> NDArray[np.float64]:
     """Speed of the front over each face (f,), m/s; NaN at rest and where it is not known."""
     if not len(cracks.face_corners) or at_rest(results):
         return np.full(len(cracks.face_corners), np.nan)
     speed = estimate_front_speed_at_faces(cracks)
-    return np.where(speed > plate_rayleigh_speed(results), np.nan, speed)
+    return np.where(speed > limiting_speed(results).value, np.nan, speed)
 
 
 def _front_speed_percentiles(summary: CrackSurfaceSummary) -> NDArray[np.float64] | None:
@@ -119,7 +122,7 @@ def summary_for_json(summary: CrackSurfaceSummary) -> dict[str, object]:
         "G0": summary.G0,
         "first_opened": float(summary.surface.opening_time[new_faces][0]) if new_faces.any() else None,
         "speed": None if speed is None else dict(zip(("low", "median", "high"), speed.tolist(), strict=True)),
-        "rayleigh_speed": summary.rayleigh_speed,
+        summary.limiting_speed_name.lower().replace(" ", "_"): summary.limiting_speed,
         "front_length": sum(map(line_length, summary.front_lines)),
         "fronts": summary.front_lines,
         "junctions": summary.junction_edge_count,
@@ -160,8 +163,8 @@ def summary_sentences(summary: CrackSurfaceSummary) -> list[str]:
     if speed is not None:
         low, middle, high = speed
         lines.append(
-            f"speed of the front: {middle:.4g} m/s in the median ({middle / summary.rayleigh_speed:.2f} of the Rayleigh"
-            f" speed), {low:.4g} to {high:.4g} m/s over four fifths of the area"
+            f"speed of the front: {middle:.4g} m/s in the median ({middle / summary.limiting_speed:.2f} of the"
+            f" {summary.limiting_speed_name}), {low:.4g} to {high:.4g} m/s over four fifths of the area"
         )
     if summary.junction_edge_count:
         lines.append(

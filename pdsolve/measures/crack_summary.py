@@ -22,7 +22,7 @@ from pdsolve.measures.frame_steps import last_step, time_text
 from pdsolve.measures.json_keys import fields_by_json_key
 from pdsolve.measures.paths import main_growth_direction_name
 from pdsolve.measures.release import EnergyRelease, measure_energy_release
-from pdsolve.measures.speed import TipSpeeds, plate_rayleigh_speed
+from pdsolve.measures.speed import RAYLEIGH, TipSpeeds, limiting_speed
 from pdsolve.measures.tips import CrackBranch, CrackFork, crack_branches, find_forks
 from pdsolve.results import Results
 
@@ -44,10 +44,11 @@ class CrackPathSummary:
     branches: list[CrackBranch]
     forks: list[CrackFork]
     fragments: PlateFragments
-    rayleigh_speed: float  # m/s
+    limiting_speed: float  # m/s: of waves, that cracks stay below
     energy_release: EnergyRelease  # energy over crack advance
     is_quasi_static: bool = False  # cracks went from load step to load step, and have no speed
     G0_remark: str = ""  # on ratios to G0
+    limiting_speed_name: str = RAYLEIGH
 
 
 def crack(
@@ -59,7 +60,7 @@ def crack(
     ResultsError if there is no frame yet.
     """
     step = last_step(results) if step is None else step
-    limit, rest = plate_rayleigh_speed(results), at_rest(results)
+    (limit, limit_name), rest = limiting_speed(results), at_rest(results)
     branches = []
     for branch in crack_branches(results, step, threshold):
         too_fast = branch.speed.low > (0.0 if rest else limit)  # surely: there a whole stretch broke at once
@@ -79,12 +80,13 @@ def crack(
         measure_energy_release(results, branches),
         rest,
         own_G0(results),
+        limit_name,
     )
 
 
-def _mean_speed_below_rayleigh_speed(branch: CrackBranch, summary: CrackPathSummary) -> float | None:
+def _mean_speed_below_limit(branch: CrackBranch, summary: CrackPathSummary) -> float | None:
     mean = branch.mean_speed
-    return None if mean is None or mean > summary.rayleigh_speed or summary.is_quasi_static else mean
+    return None if mean is None or mean > summary.limiting_speed or summary.is_quasi_static else mean
 
 
 def summary_for_json(summary: CrackPathSummary) -> dict[str, object]:
@@ -95,7 +97,7 @@ def summary_for_json(summary: CrackPathSummary) -> dict[str, object]:
         "along": summary.main_direction,
         "step": summary.step,
         "directions": [fields_by_json_key(way) for way in summary.initial_directions],
-        "rayleigh_speed": summary.rayleigh_speed,
+        summary.limiting_speed_name.lower().replace(" ", "_"): summary.limiting_speed,
         "release": fields_by_json_key(summary.energy_release),
         "branches": [
             {
@@ -108,7 +110,7 @@ def summary_for_json(summary: CrackPathSummary) -> dict[str, object]:
                 "speed_low": branch.speed.low,
                 "speed_high": branch.speed.high,
                 "length": branch.length,
-                "mean_speed": _mean_speed_below_rayleigh_speed(branch, summary),
+                "mean_speed": _mean_speed_below_limit(branch, summary),
                 "mean_speed_points": len(branch.passing_time)
                 if branch.point_count_before_edge is None
                 else branch.point_count_before_edge,
@@ -188,7 +190,7 @@ def summary_sentences(summary: CrackPathSummary) -> list[str]:
 def _describe_branch(branch: CrackBranch, summary: CrackPathSummary) -> str:
     """Where and when a tip started and ended, and its speed, in words."""
     ways = [f"{_format_place_in_mm(branch.points[at])} at {time_text(branch.passing_time[at])}" for at in (0, -1)]
-    mean, rayleigh = _mean_speed_below_rayleigh_speed(branch, summary), summary.rayleigh_speed
+    mean, limit = _mean_speed_below_limit(branch, summary), summary.limiting_speed
     if summary.is_quasi_static:
         fast = ""
     elif not branch.is_narrow[: branch.point_count_before_edge].all():
@@ -196,7 +198,7 @@ def _describe_branch(branch: CrackBranch, summary: CrackPathSummary) -> str:
     elif mean is None:
         fast = ", faster than a crack runs: it broke at once"
     else:
-        fast = f", {mean:.4g} m/s ({mean / rayleigh:.2f} of the Rayleigh speed)"
+        fast = f", {mean:.4g} m/s ({mean / limit:.2f} of the {summary.limiting_speed_name})"
         if branch.point_count_before_edge is not None:
             time = branch.passing_time[branch.point_count_before_edge - 1]
             fast += f" until it is a horizon from the edge, at {time_text(time)}"

@@ -14,12 +14,14 @@ from scipy.special import stdtrit
 
 from pdmesh.model.material import Material
 from pdmesh.model.material_constants import poisson, rayleigh_speed
+from pdmesh.model.orthotropic import ORTHOTROPIC, engineering_constants
 from pdsolve.measures.embedded_model import read
 from pdsolve.results import Results
 
 WINDOW = 10.0  # local spacings of path, at least, that a speed is measured over
 SURE = 0.95  # of Student's distribution; cracks drawn with noise are within their bands nine times in ten
 BLUR = 0.1  # spacings: how well the place of a tip is known at best
+RAYLEIGH, LEAST_SHEAR = "Rayleigh speed", "least shear speed"
 VAGUE = 0.5  # of the slope: where it is less sure than this, no speed is told
 
 
@@ -83,7 +85,18 @@ class _WaveSpeedGridFileKeys(msgspec.Struct):
     material: Material
 
 
-def plate_rayleigh_speed(results: Results) -> float:
-    """Rayleigh wave speed of the plate's main material, m/s; material regions are ignored."""
+class LimitingSpeed(NamedTuple):
+    """A wave speed that cracks stay below."""
+
+    value: float  # m/s
+    name: str
+
+
+def limiting_speed(results: Results) -> LimitingSpeed:
+    """The Rayleigh speed of the main material, of plies the least shear speed; material regions are ignored."""
     material = read(results, _WaveSpeedGridFileKeys).material
-    return rayleigh_speed(material.E, material.rho, material.plane, poisson(material))
+    if material.model == "correspondence" and material.solid == ORTHOTROPIC:
+        constants = engineering_constants(material)
+        moduli = constants.G12 if results.dimension == 2 else (constants.G12, constants.G13, constants.G23)
+        return LimitingSpeed(float(np.sqrt(np.min(moduli) / material.rho)), LEAST_SHEAR)
+    return LimitingSpeed(rayleigh_speed(material.E, material.rho, material.plane, poisson(material)), RAYLEIGH)

@@ -46,7 +46,7 @@ def _crack_measures(summary: CrackPathSummary) -> dict[str, Any]:
     times = {name: None if event is None else event.time for name, event in events.items()}
     branching = events["branching"]
     spent = summary.energy_release.release_rate[np.isfinite(summary.energy_release.release_rate)]
-    sound = [branch for branch in summary.branches if (branch.mean_speed or math.inf) <= summary.rayleigh_speed]
+    sound = [branch for branch in summary.branches if (branch.mean_speed or math.inf) <= summary.limiting_speed]
     fork = summary.forks[0] if summary.forks else None
     return times | {
         "branching_at": None if branching is None else branching.along,

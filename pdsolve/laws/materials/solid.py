@@ -76,13 +76,14 @@ def solid_of(model: Model, kind: Any, dimension: int) -> SolidColumns:
     """Columns of a model's nodes, in this precision."""
     of, first = model.material_of, model.materials[0]
     rate, plastic = first.form == "rate", any(material.solid == "j2" for material in model.materials)
-    moduli = lame(model.node_values("E"), model.node_values("nu"))
     yields = model.node_values("yield_stress", np.inf), model.node_values("hardening")
     history = np.zeros((len(of), 16 if rate else 7 if plastic else 0))
     if rate:
         history[:, [0, 4, 8]] = 1
     kinds = np.array([KINDS[material.solid] for material in model.materials], dtype=np.int8)[of]
-    ply, stiffest = orthotropic.columns(model, np.flatnonzero(kinds == ORTHOTROPIC))
+    plies = kinds == ORTHOTROPIC  # whose nu12 may be 0.5 and more
+    moduli = lame(model.node_values("E"), np.where(plies, 0.0, model.node_values("nu")))
+    ply, stiffest = orthotropic.columns(model, np.flatnonzero(plies))
     if len(ply):  # of no lambda, so that lambda + 2 mu is the stiffness in plane stress, too
         moduli = np.where(stiffest > 0, 0.0, moduli[0]), np.where(stiffest > 0, stiffest / 2, moduli[1])
     numbers = (np.asarray(c, dtype=kind) for c in (*moduli, *yields, history, ply))

@@ -9,7 +9,7 @@ import pytest
 from damaged_results import lattice, run
 
 from pdmesh.model.material_constants import rayleigh_ratio, rayleigh_speed
-from pdsolve.measures.speed import TipSpeeds, estimate_tip_speeds, plate_rayleigh_speed, window_for_mean_speed
+from pdsolve.measures.speed import TipSpeeds, estimate_tip_speeds, limiting_speed, window_for_mean_speed
 
 
 @pytest.mark.parametrize(("nu", "ratio"), [(0.0, 0.8740), (0.25, 0.9194), (1 / 3, 0.9325), (0.5, 0.9553)])
@@ -24,7 +24,17 @@ def test_plane_stress_and_strain_have_the_same_ratio_and_other_shear_waves() -> 
     assert rayleigh_speed(65e9, 2235.0, "stress") == pytest.approx(0.9194 * np.sqrt(3 / 8 * 65e9 / 2235), rel=1e-4)
     assert rayleigh_speed(65e9, 2235.0, "strain") == pytest.approx(0.9194 * np.sqrt(2 / 5 * 65e9 / 2235), rel=1e-4)
     model = json.dumps({"material": {"E": 65e9, "rho": 2235.0, "G0": 204.0}})
-    assert plate_rayleigh_speed(run(lattice(), [], model=model)) == pytest.approx(3036, abs=1)
+    assert limiting_speed(run(lattice(), [], model=model)).value == pytest.approx(3036, abs=1)
+
+
+def test_plies_are_limited_by_their_least_shear_speed() -> None:
+    """G12 in the plane: 1830 m/s, not the 9700 of E1 as of an isotropic solid. Rayleigh's ratio has no root at 1."""
+    ply = {"E": 171.4e9, "E2": 9.08e9, "nu": 0.32, "G12": 5.29e9, "rho": 1580.0, "G0": 1e3}
+    ply |= {"model": "correspondence", "solid": "orthotropic", "failure": "none", "G23": 3e9}
+    for nu in (0.32, 0.999):
+        found = limiting_speed(run(lattice(), [], model=json.dumps({"material": ply | {"nu": nu}})))
+        assert found.value == pytest.approx(np.sqrt(5.29e9 / 1580), rel=1e-12)
+        assert found.name == "least shear speed"
 
 
 def told(along: np.ndarray, time: np.ndarray, line: np.ndarray | None = None, step: float = 0.0) -> TipSpeeds:
