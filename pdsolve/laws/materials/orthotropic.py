@@ -10,9 +10,8 @@ Bonds fail by an equivalent stress, which is compared with the strength along th
     matrix   X sqrt((p / Y)^2 + (t / S)^2)         breaks a bond where it reaches X / |sin phi|
 
 with p the largest normal stress across the fibres, if it is tensile, Y and S the strengths across the fibres and in
-shear, t^2 = s12^2 + s13^2, and phi the angle at rest between the bond and the fibres: cracks in the matrix are along
-the fibres, and what crosses them least breaks last. If all bonds broke at X, nodes would lose their fibres with the
-matrix. The stress is Cauchy's, along and across the fibres F a / |F a| of the deformed body.
+shear, t^2 = s12^2 + s13^2, and phi the angle between the bond and the fibres: cracks in the matrix are along the
+fibres, and what crosses them least breaks last. If all bonds broke at X, nodes would lose their fibres with the matrix.
 """
 
 from __future__ import annotations
@@ -103,57 +102,18 @@ def stress(C, h, E):  # type: ignore[no-untyped-def]
 
 @njit(**INNER)
 def equivalent(ply, d, m, at):  # type: ignore[no-untyped-def]
-    """Equivalent stresses of the fibres and of the matrix of a node.
-
-    Its stress, Cauchy's, is in m from `at` on, behind the gradient; the fibres are where the gradient has turned them.
-    """
-    h, c, s, none = at - d * d, ply[WIDTH], ply[WIDTH + 1], m[at] * 0
-    x, y = c + m[h] * c + m[h + 1] * s, s + m[h + d] * c + m[h + d + 1] * s
-    if d == 2:
-        along, across, shear = _in_plane(unit((x, y, none)), m, at)
-    else:
-        fibres = unit((x, y, m[h + 6] * c + m[h + 7] * s))
-        along, across, shear = _in_space(fibres, (m[h + 2], m[h + 5], 1 + m[h + 8]), m, at)
+    """Equivalent stresses of the fibres and of the matrix of a node with the stress in m from `at` on."""
+    c, s, none = ply[WIDTH], ply[WIDTH + 1], m[at] * 0
+    xx, yy, zz, xy = m[at], m[at + 1], m[at + 2], m[at + 3]
+    along, across = c * c * xx + s * s * yy + 2 * c * s * xy, s * s * xx + c * c * yy - 2 * c * s * xy
+    t = c * s * (yy - xx) + (c * c - s * s) * xy
+    shear = t * t
+    if d == 3:
+        out, through = c * m[at + 4] + s * m[at + 5], c * m[at + 5] - s * m[at + 4]
+        shear += out * out
+        across = (across + zz) / 2 + np.sqrt(((across - zz) / 2) ** 2 + through * through)
     opening = max(across, none) * ply[WIDTH + 2]
     return along, np.sqrt(opening * opening + shear * ply[WIDTH + 3] * ply[WIDTH + 3])
-
-
-@njit(**INNER)
-def _in_plane(fibres, m, at):  # type: ignore[no-untyped-def]
-    """Stress along the fibres, the one across them, and the square of the shear."""
-    (c, s, _), xx, yy, xy = fibres, m[at], m[at + 1], m[at + 3]
-    t = c * s * (yy - xx) + (c * c - s * s) * xy
-    return c * c * xx + s * s * yy + 2 * c * s * xy, s * s * xx + c * c * yy - 2 * c * s * xy, t * t
-
-
-@njit(**INNER)
-def _in_space(fibres, normal, m, at):  # type: ignore[no-untyped-def]
-    """Stress along the fibres, the largest across them, and the square of the shear; `normal` is nearly across."""
-    xx, yy, zz, xy, xz, yz = m[at], m[at + 1], m[at + 2], m[at + 3], m[at + 4], m[at + 5]
-    p = inner(normal, fibres)
-    n = unit((normal[0] - p * fibres[0], normal[1] - p * fibres[1], normal[2] - p * fibres[2]))
-    b = (n[1] * fibres[2] - n[2] * fibres[1], n[2] * fibres[0] - n[0] * fibres[2], n[0] * fibres[1] - n[1] * fibres[0])
-    on_n = (inner((xx, xy, xz), n), inner((xy, yy, yz), n), inner((xz, yz, zz), n))
-    on_b = (inner((xx, xy, xz), b), inner((xy, yy, yz), b), inner((xz, yz, zz), b))
-    on_fibres = (inner((xx, xy, xz), fibres), inner((xy, yy, yz), fibres), inner((xz, yz, zz), fibres))
-    nn, bb, nb, out, t = inner(n, on_n), inner(b, on_b), inner(n, on_b), inner(fibres, on_n), inner(fibres, on_b)
-    largest = (nn + bb) / 2 + np.sqrt(((nn - bb) / 2) ** 2 + nb * nb)
-    return inner(fibres, on_fibres), largest, t * t + out * out
-
-
-@njit(**INNER)
-def inner(a, b):  # type: ignore[no-untyped-def]
-    """The scalar product of two vectors."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@njit(**INNER)
-def unit(a):  # type: ignore[no-untyped-def]
-    """A vector of the length 1; 0 of one without a length, as torn families can have."""
-    length = np.sqrt(inner(a, a))
-    if length > 0:
-        return (a[0] / length, a[1] / length, a[2] / length)
-    return a
 
 
 @njit(**INNER)
