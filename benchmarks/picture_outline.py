@@ -1,8 +1,9 @@
 """What a command of pdpost draws, as a short mark, to see whether a picture is of the present drawing code.
 
 The command draws small results that were never solved. The mark is a hash of the words of that picture, its size in
-tenths of an inch and its most frequent colours. It is the same on all machines, and does not change with code that
-leaves the picture as it is. Pictures that the small results cannot have are marked by the style of all pictures alone.
+tenths of an inch and its most frequent colours. It is the same on all machines with one version of matplotlib, and
+does not change with code that leaves the picture as it is. Pictures that the small results cannot have are marked by
+the style of all pictures alone.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from pdpost.figures.sheets import HATCHES
 from pdpost.figures.style import STYLE
 from pdsolve.run.measures import EnergyBalanceRow
 
+DRAWN_WITH = "3.11.2"  # of matplotlib: others set words in other places
 TEXT = re.compile(r"<text [^>]*>([^<]*)</text>")
 FILL = re.compile(r"(?:fill|stroke): (#[0-9a-f]{6})")
 SIZE = re.compile(r'<svg [^>]*?viewBox="0 0 ([0-9.]+) ([0-9.]+)"')

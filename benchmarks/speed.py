@@ -176,7 +176,13 @@ def growing(model: Model, mode: str, rounds: int) -> dict[str, Any]:
         "growing / intact": best["growing"] / best["intact"],
         "with frames / without": best["with frames"] / best["growing"],
     }
-    return {"mode": mode, "steps": steps, "frames": steps // model.settings.run.every, "ns": best, "ratios": ratios}
+    return {
+        "mode": mode,
+        "steps": steps,
+        "frames": steps // model.settings.run.frame_interval,
+        "ns": best,
+        "ratios": ratios,
+    }
 
 
 def _written(model: Model, mode: str) -> float:

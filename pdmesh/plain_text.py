@@ -103,6 +103,11 @@ def for_html(text: object) -> str:
     return escape(shortened(visible(str(text)), MOST_OF_A_LINE))
 
 
+def for_srcdoc(page: str) -> str:
+    """A whole page of HTML for the attribute `srcdoc` of a frame, in which its texts are plain already."""
+    return escape(page)
+
+
 def for_file_name(name: str) -> str:
     """A name for a file that other files refer to: one that is not all printable text gets underscores for the rest."""
     return name if name.isprintable() else NOT_IN_FILE_NAMES.sub("_", visible(name).replace("\\x", "_"))

@@ -122,6 +122,8 @@ def _refuse_cohesive_fields(model: Model) -> None:
 
 def _refuse_cohesive_interfaces(model: Model) -> None:
     """Raise ModelError for an interface whose bonds hold more than its G0 when they begin to soften."""
+    if not model.settings.interfaces:
+        return
     ratio, interfaces = model.settings.horizon.ratio, Interfaces(model)
     for number, interface in enumerate(model.settings.interfaces):
         for at in np.flatnonzero(interfaces.materials(number)):

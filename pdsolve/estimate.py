@@ -158,7 +158,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         model = system.model
         if system.coupled_runs and settings.run.solver != "static":
             content_step = system.coupled_runs[0].system.stable_time_step
-            cycle = cycle_of(settings.run, system.time_step, content_step)
+            cycle = cycle_of(system.model.settings.run, system.time_step, content_step)
         summed = system.operator.bond_layout if paired and summed == "listed" else summed
         count, family, settings = system.initial_bond_counts, system.family_sizes, system.model.settings
         bound, step = system.stable_time_step, system.time_step

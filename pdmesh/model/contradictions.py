@@ -155,15 +155,21 @@ def of_material(material: Material, place: str) -> Iterator[Impossible]:
         yield Impossible(f"{place}.{name}", value_text, expected)
 
 
-def _refusals(material: Material) -> Refusals:
-    """Settings that a material's kind does not use or refuses, and parameters that a word asks for and that are not
-    given."""
-    kind = KINDS[material.model]
+def _too_small(material: Material) -> Refusals:
+    """Constants that no material has."""
     for name in ("E", "rho", "G0"):
         value = getattr(material, name)
         if value < LEAST_OF_MATERIAL and not (name == "G0" and value == UNKNOWN):  # which a critical stretch gives
             yield Refusal(name, f"{LEAST_OF_MATERIAL:g} to {MOST:g} in SI units")
-    yield from starmap(Refusal, not_of_springs(material))
+
+
+def _refusals(material: Material) -> Refusals:
+    """Settings that a material's kind does not use or refuses, and parameters that a word asks for and that are not
+    given."""
+    kind = KINDS[material.model]
+    yield from _too_small(material)
+    if material.model == "bond" and material.solid == "orthotropic":
+        yield from starmap(Refusal, not_of_springs(material))
     for name, usual in refused_by(kind.name):
         if getattr(material, name) != usual:
             yield Refusal(name, f"none with model '{kind.name}'")

@@ -259,6 +259,7 @@ class Collocation(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_def
 
 
 LEAST_FRAMES, MOST_BETWEEN_FRAMES = 40, 50  # of runs whose model says neither
+INTERVALS = MOST_BETWEEN_FRAMES, 40, 20, 10, 5  # steps: a frame of a small plate takes as long as ten steps
 DeviceName = Annotated[str, msgspec.Meta(pattern=r"^(cpu|opencl(:\d{1,3})?)$")]
 
 
@@ -267,7 +268,9 @@ class Run(PlainStruct, frozen=True, forbid_unknown_fields=True, omit_defaults=Tr
 
     time_step: Positive | None = None  # s: time step; none: the stable time step
     steps: Annotated[int, msgspec.Meta(ge=0, le=MOST_STEPS)] = 1000  # number of time steps, unless duration is given
-    every: PositiveInt | None = None  # number of steps between two frames; none: at most 50, at least 40 frames in all
+    every: PositiveInt | None = (
+        None  # number of steps between two frames; none: 5 to 50, for 40 frames from 200 steps on
+    )
     ledger: PositiveInt | None = None  # number of steps between two records of the energy balance, reactions and
     # probes; none: that of frames
     fields: tuple[Column, ...] = USUAL  # fields that a frame stores; the default list stores the further fields of the
@@ -335,7 +338,8 @@ def in_steps(run: Run, step: float) -> Run:
 def _with_frame_interval(run: Run) -> Run:
     if run.every is not None:
         return run
-    return msgspec.structs.replace(run, every=min(MOST_BETWEEN_FRAMES, max(1, run.steps // LEAST_FRAMES)))
+    fitting = (interval for interval in INTERVALS if interval * LEAST_FRAMES <= run.steps)
+    return msgspec.structs.replace(run, every=next(fitting, INTERVALS[-1]))
 
 
 class Settings(PlainStruct, frozen=True, forbid_unknown_fields=True):

@@ -167,7 +167,8 @@ def field(results: Results, name: str, part: str, step: int, most: int | None = 
     """A component (n,) of a field, SI: infinite where it is left out near cracks, NaN where it is unknown."""
     part = fields.choose_component(name, None if part == SCALAR else part, results.dimension)
     shown = field_figure.values_of(results, name, step, part)
-    range_of = colours.colours(name, part, shown.values[~shown.torn])
+    whole = 1.0 if name in colours.SHARES else None  # lest the scale change from frame to frame
+    range_of = colours.colours(name, part, shown.values[~shown.torn], whole)
     header = {
         "title": colours.title(results, name, part, step, 0.0).replace("\n", " "),
         "legend": [{"colour": colour, "words": words} for colour, words in field_figure.explained(shown)],

@@ -6,7 +6,6 @@ three.js, which draws with WebGL, is that of the package jupyter-threejs-sage (t
 from __future__ import annotations
 
 import base64
-import html
 import re
 import zlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -16,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pdmesh.plain_text import for_html
+from pdmesh.plain_text import for_html, for_srcdoc
 from pdpost.browser import messages
 from pdpost.figures.style import FigureError
 from pdsolve.measures import fields
@@ -134,11 +133,11 @@ def offline_page(
 def embedded(results: Results, name: str) -> str:
     """The page in a frame of another page, and how many frames of the run it has. Raises FigureError, ResultsError."""
     selection = select(results, None, [], EMBEDDED)
-    source = html.escape(offline_page(results, name, selection))
+    text = for_srcdoc(offline_page(results, name, selection))
     return (
-        f'<iframe title="the run over time" sandbox="allow-scripts" srcdoc="{source}"'
+        f'<iframe title="the run over time" sandbox="allow-scripts" srcdoc="{text}"'
         ' style="width: 100%; height: 46rem; border: 1px solid var(--line)"></iframe>'
-        f"<p>{len(selection.steps)} of {selection.step_count} frames</p>"
+        f"<p>{for_html(len(selection.steps))} of {for_html(selection.step_count)} frames</p>"
     )
 
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from pdmesh.model.neighbours import connected
 from pdsolve.measures.plate_geometry import VoronoiCells
 from pdsolve.results import Families
 
@@ -47,8 +46,8 @@ def deformed_corner_offsets(
         first.append(a[joined])
         second.append(b[joined])
     a, b = np.concatenate(first), np.concatenate(second)
-    graph = coo_array((np.ones(len(a), dtype=bool), (a, b)), shape=(len(rows), len(rows)))
-    groups, group = connected_components(graph, directed=False)
+    group = connected(len(rows), a, b)
+    groups = int(group.max(initial=-1)) + 1
     size = np.bincount(group, minlength=groups)
     mean = np.stack([np.bincount(group, axis, groups) / size for axis in corners.T], axis=1)
     return np.asarray(mean[group] - position[rows], dtype=np.float64)

@@ -257,8 +257,8 @@ class LatticeMarch(Stepper):
 def sweep_groups_of_thread(bonds, history, arrays, drive, state, pushes, dt, sweeps, thread, gate):  # type: ignore[no-untyped-def]
     """Do sweeps of a sequence of steps, until `arrays.next_sweep`.
 
-    All threads call this together, each with a share of the groups, and `meet` once a step, twice with `pushes` (None:
-    none change). They stop after a sweep in which groups wait. Prescribed components of `drive` are numbered by the
+    All threads call this together, each with a share of the groups, and `meet` once a step, twice where a sweep pushes
+    pairs anew. They stop after a sweep in which groups wait. Prescribed components of `drive` are numbered by the
     lanes of their groups, loads by nodes. The accelerations of `state` are those of the last step of a node on whose
     group not only bonds act, and of all nodes after the last sweep.
     """

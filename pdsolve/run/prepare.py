@@ -134,7 +134,7 @@ def _prepare_swelling_motion(model: Model, options: Options, scheme: Scheme) -> 
     bonds = cast("Swollen", unwrap_bond_operator(system.operator))
     assert transport is not None
     if not rests:
-        cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
+        cycle = cycle_of(counted(model, system.time_step).settings.run, system.time_step, transport.bound)
         marches = ForwardEuler(transport.operator, transport.drive, cycle * system.time_step)
     assert model.settings.medium is not None
     share = model.settings.medium.broken
@@ -160,7 +160,7 @@ def _prepare_swelling_plate_with_zone(model: Model, options: Options, scheme: Sc
     content = _prepare_diffusion(model.diffusing_part(system.time_step), Options(threads=system.options.threads))
     transport = content.system.transport
     assert transport is not None
-    cycle = cycle_of(model.settings.run, system.time_step, transport.bound)
+    cycle = cycle_of(counted(model, system.time_step).settings.run, system.time_step, transport.bound)
     marches = ForwardEuler(transport.operator, transport.drive, cycle * system.time_step)
     broken_now = operator.engine.broken_by_grid_rows
     broken = None if medium.broken == 1 else BrokenBonds(transport, broken_now, medium.broken)

@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -267,6 +268,10 @@ def _read_stage(output: Path, job: Job, options: Options, device: str | None) ->
         results.verify()
         model, meta, has_checkpoint = model_of(results.model(), str(output)), results.meta(), results.has_checkpoint()
     warn_of_other_processor(output, meta)
+    run = model.settings.run
+    if run.every is None and run.solver != "static":  # of a version that did not choose
+        run = msgspec.structs.replace(run, every=run.frame_interval)
+        model = dataclasses.replace(model, settings=msgspec.structs.replace(model.settings, run=run))
     model = model if device is None else on_device(model, device)
     options = options_from_metadata(model, meta, options.threads)._replace(team=options.team)
     thresholds = zone_restarts.read_refinement_thresholds(meta, output)

@@ -75,7 +75,7 @@ class Rule:
         """Raises GridError for an outline that encloses nothing."""
         grid = model.grid
         self.area, self._model, self._corrections = areas(model, "cells"), model, corrections
-        self._interfaces = Interfaces(model)
+        self._interfaces = Interfaces(model) if model.settings.interfaces else None
         self._margin = 0.5 if corrections.partial_cells else 0.0  # spacings
         self.sight, self.held = sight_of(grid, model.name), unbreakable(model)
         self.farthest = float((model.horizons + self._margin * grid.delta).max())
@@ -109,7 +109,8 @@ class Rule:
     def _mean_of_ends(
         self, pairs: Pairs, reach: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        return _mean_of_ends(self._model, pairs, reach, self._corrections, self._interfaces.crossed(pairs))
+        crossings = None if self._interfaces is None else self._interfaces.crossed(pairs)
+        return _mean_of_ends(self._model, pairs, reach, self._corrections, crossings)
 
     def _reach(self, pairs: Pairs) -> NDArray[np.float64]:
         return np.asarray((self._model.horizons[pairs.source] + self._model.horizons[pairs.target]) / 2)
@@ -170,7 +171,8 @@ class Rule:
             mean = (correction[pairs.source] + correction[pairs.target]) / 2
             total += n[:, axis] ** 2 * mean if n.shape[1] == 3 else (n[:, axis] / mean) ** 2
         factor = total if n.shape[1] == 3 else total**-0.5  # equal for both directions; 1 inside a uniform grid
-        factor = factor * self._interfaces.stiffness(pairs)  # which is no lack that surfaces make up for
+        if self._interfaces is not None:
+            factor = factor * self._interfaces.stiffness(pairs)  # which is no lack that surfaces make up for
         paired = paired._replace(stiffness=paired.stiffness * factor * paired.weight)
         return part_of(position, self.held, rows, paired)
 

@@ -138,7 +138,7 @@ def filled(model: Model, limits: Limit) -> BondSource:
     margin = 0.0 if full_cells else grid.delta / 2
     neighbours = Neighbours(grid.position, grid.delta, horizon + margin, mutual=True)
     sight, farthest = sight_of(grid, model.name), float((horizon + margin).max())
-    interfaces = Interfaces(model)
+    interfaces = Interfaces(model) if model.settings.interfaces else None
 
     def counts(pairs: Pairs) -> NDArray[np.float64]:
         """Weights (b,) of neighbours at the distances of `pairs`, over their cells."""
@@ -151,7 +151,7 @@ def filled(model: Model, limits: Limit) -> BondSource:
         pairs = chosen(pairs, counts(pairs) > ROUND_OFF)
         pairs = chosen(pairs, sight.inside(pairs))
         reach = (horizon[pairs.source] + horizon[pairs.target]) / 2
-        crossings = interfaces.crossed(pairs)
+        crossings = None if interfaces is None else interfaces.crossed(pairs)
         source_limit, target_limit = (limits(end, reach, crossings) for end in (pairs.source, pairs.target))
         limit = source_limit / 2 + target_limit / 2
         weight = counts(pairs._replace(length=sight.apart(pairs, first.detour, farthest)))

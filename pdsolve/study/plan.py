@@ -11,12 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from pdmesh import GridError, SceneError
 from pdmesh.files import FilePath
 from pdmesh.model.amounts import pair_count
 from pdsolve.codegen import jit_cache
 from pdsolve.estimate import estimate_run, measure_machine_slowdown
-from pdsolve.model import ModelError
 from pdsolve.numerics.thread_team import cores
 from pdsolve.study import run_model
 from pdsolve.study.description import Study, read_study
@@ -85,7 +83,7 @@ def price_study(
         warnings.simplefilter("ignore")  # the runs will warn
         for row in rows:
             case = dataclasses.replace(cases[row], repetition=0)
-            with contextlib.suppress(SceneError, GridError, ModelError, OSError):  # said of each run
+            with contextlib.suppress(Exception):  # of any kind, which the run itself reports
                 model = run_model.model_of_run(study.drawing, case, trust)
                 plans.append(estimate_run(model, run_model.options(case, threads)))
     if not plans:
@@ -105,14 +103,19 @@ def price_line(price: Price) -> str:
     processes = f"{price.workers} process{'es' * (price.workers > 1)}"
     return (
         f"{runs} to solve: about {_duration(price.seconds)} with {processes},"
-        f" {price.core_seconds / 3600:.2g} core hours, {price.memory / 1e6:.3g} MB of memory each"
+        f" {_rounded(price.core_seconds / 3600)} core hours, {_rounded(price.memory / 1e6)} MB of memory each"
     )
 
 
 def _duration(seconds: float) -> str:
     """A duration in s, min or h."""
     size, unit = next((entry for entry in ((3600, "h"), (60, "min")) if seconds >= 2 * entry[0]), (1, "s"))
-    return f"{seconds / size:.2g} {unit}"
+    return f"{_rounded(seconds / size)} {unit}"
+
+
+def _rounded(value: float) -> str:
+    """A number with two digits or more, without a power of ten."""
+    return f"{value:.0f}" if value >= 10 else f"{value:.2g}"
 
 
 def wall_time_of_processes(runs: Sequence[float], workers: int) -> float:

@@ -149,7 +149,6 @@ def test_numbers_are_those_of_the_frame(small_results: Path, here: Path, capsys:
             ["export", "-o", "x.foo"],
             naming("x.foo", found="suffix '.foo'", expected=(".vtu", ".pvd", ".xdmf", ".msh", ".csv")),
         ),
-        (["export", "--style", "a=b"], naming("--style a", found="export has no settings", expected="leave it out")),
         (["export", "--frame", "1"], naming("--frame", "--time", found=".pvd")),
         (["export", "-o", "x.vtu", "--every", "2"], naming("--every", found=".vtu")),
         (["export", "-o", "x.csv", "--squares"], naming("--squares", found=".csv")),

@@ -73,7 +73,8 @@ CI = ".ci/run types it"
 NOT_RUN = {  # commands that no test can run, and why
     "make demo": CI,
     "make test": CI,
-    "python -m pytest tests/contracts/test_laws.py tests/contracts/test_spent.py -k saturating": "done on a copy",
+    "python -m pytest tests/contracts/test_laws.py tests/contracts/test_spent.py tests/contracts/test_kernels.py"
+    " -k saturating": "done on a copy",
     "pip install .": ".ci/package types it",
     "pip install pdsuite-*.whl": "a wheel",
     "pip install 'pdsuite[completion]'": ".ci/package types it",

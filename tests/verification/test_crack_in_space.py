@@ -250,7 +250,7 @@ def test_what_opened_is_the_notch_of_another_run(
     assert corners.reshape(-1, 9).tolist() == said["triangles"]
     area = np.linalg.norm(np.cross(corners[2:, 1] - corners[2:, 0], corners[2:, 2] - corners[2:, 0]), axis=1).sum() / 2
     assert area == pytest.approx(said["area"], rel=1e-12)  # without the two of the pre-crack, which come first
-    assert pdsolve([str(model), "--style", "run.steps=2", "-o", str(again), "--threads", "1", "-q"]) == 0
+    assert pdsolve([str(model), "--set", "run.steps=2", "-o", str(again), "--threads", "1", "-q"]) == 0
     found = numbers(again, capsys)
     assert found["area"] == 0
     assert found["pre_crack_area"] == pytest.approx(16e-6 + LIGAMENT, rel=0.05)

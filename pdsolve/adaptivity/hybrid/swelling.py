@@ -155,13 +155,21 @@ def total_strain_energy(lattice, zone, displacement_buffer_index):  # type: igno
     fine, coarse, energy, s = zone.fine, zone.coarse, 0.0, zone.lane_sums[0]
     for row in fine.active_rows[: zone.counts.active_fine_rows]:
         store_half_spring_energies_of_row(
-            fine, lattice.spring_table, lattice.neighbour_offsets, False, row, fine.u[displacement_buffer_index], s
+            fine,
+            zone.history,
+            lattice.spring_table,
+            lattice.neighbour_offsets,
+            False,
+            row,
+            fine.u[displacement_buffer_index],
+            s,
         )
         for lane in range(ROW):
             energy += s[lane]
     for row in coarse.active_rows[: zone.counts.active_coarse_rows]:
         store_half_spring_energies_of_row(
             coarse,
+            None,
             lattice.coarse_spring_table,
             lattice.coarse_neighbour_offsets,
             True,

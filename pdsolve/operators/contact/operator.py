@@ -139,6 +139,9 @@ class PenaltyContact(UnbreakableOperator):
             self._joined.follow(self._kept_until)
             self._joined.wait = self._kept_wait
             self._rows = np.flatnonzero(self._joined.surface)
+            if len(self._before) != len(self._rows):
+                raise CheckpointError("displacements of the last search are not those of the surface nodes")
+            self._finest = float(self._delta[self._rows].min(initial=np.inf))  # where cracks have come, as well
             self._still = np.zeros_like(self._before)
             self._pairs = self._pairs._replace(faces=self._joined.faces(self._pairs.faces.rows))
             self.round.learn()

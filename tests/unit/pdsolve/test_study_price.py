@@ -9,6 +9,7 @@ from plates import plate, square_grid
 
 from pdmesh.model.document import Run, in_steps, write_file
 from pdmesh.model.node_grid import document_of
+from pdsolve.diffusion.swelling import cycle_of
 from pdsolve.estimate import Plan
 from pdsolve.model import Model
 from pdsolve.study import plan
@@ -53,8 +54,16 @@ def test_a_column_says_what_it_is() -> None:
     assert head("forks", Column("measure", "", "")) == "forks"
 
 
-@pytest.mark.parametrize(("steps", "every"), [(10, 1), (100, 2), (1000, 25), (2000, 50), (100_000, 50)])
-def test_a_run_has_at_least_40_frames_unless_its_model_says_otherwise(steps: int, every: int) -> None:
+@pytest.mark.parametrize(("steps", "every"), [(10, 5), (200, 5), (1000, 20), (2000, 50), (100_000, 50)])
+def test_a_run_of_200_steps_has_40_frames_unless_its_model_says_otherwise(steps: int, every: int) -> None:
     assert in_steps(Run(steps=steps), 1.0).every == every
     assert in_steps(Run(steps=steps, every=7), 1.0).every == 7
     assert in_steps(Run(duration=1e-3 * steps), 1e-3).every == every
+
+
+def test_a_swelling_run_records_content_and_motion_of_the_same_time() -> None:
+    """The steps of a content divide those between two frames that the run chooses."""
+    for steps in (200, 700, 1000, 1480, 5000):
+        run = in_steps(Run(steps=steps), 1.0)
+        assert run.frame_interval % cycle_of(run, 1.0, 1e3) == 0
+        assert cycle_of(run, 1.0, 1e3) >= 5

@@ -172,6 +172,7 @@ def test_a_steep_stiffness_is_said() -> None:
     assert not any("E changes" in note for note in build(PLATE.vary("E", linear)).notes)
 
 
+@pytest.mark.slow
 def test_strengths_have_the_mean_and_the_scatter_of_weibull() -> None:
     """At m = 8 over s0: mean 0.94174, coefficient of variation 0.14837; volumes 1:8:64 as 1 : 0.77111 : 0.59460."""
     side, spread = 200, 0.14837 / 200  # of the mean of 40 000
