@@ -106,22 +106,17 @@ class Interfaces:
     def __init__(self, model: Model) -> None:
         self._model, self._interfaces = model, model.settings.interfaces
 
-    def __bool__(self) -> bool:
-        return bool(self._interfaces)
-
     def crossed(self, pairs: Pairs) -> Crossings | None:
         """What pairs have of the interfaces; None if they cross none."""
-        if not self._interfaces:
-            return None
         count, d = len(pairs.source), self._model.grid.dimension
         of_pair, least, normal = np.full(count, -1), np.full(count, np.inf), np.zeros((count, d))
         for number, interface in enumerate(self._interfaces):
             if interface.between is not None:
-                here = self._between(interface, pairs)
-                of_pair[here], least[here] = number, np.inf if interface.G0 is None else interface.G0
-        here = of_pair >= 0
-        if here.any():
-            normal[here] = self._normals[pairs.target[here]] - self._normals[pairs.source[here]]
+                joins = self._between(interface, pairs)
+                of_pair[joins], least[joins] = number, np.inf if interface.G0 is None else interface.G0
+        joins = of_pair >= 0
+        if joins.any():
+            normal[joins] = self._normals[pairs.target[joins]] - self._normals[pairs.source[joins]]
         for number, interface in enumerate(self._interfaces):
             for corners in self._faces(interface, pairs):
                 across, direction = self._across(corners, pairs)
@@ -212,10 +207,11 @@ class Interfaces:
             other = (number[source] != number[target]).astype(float)
             place = source - rows[0]
             near = np.bincount(place, other, len(rows)) > 0
-            here = near[place]
-            xi = (grid.position[target[here]] - grid.position[source[here]]) / model.horizons[source[here], None]
+            is_fitted = near[place]
+            i, j = source[is_fitted], target[is_fitted]
+            xi = (grid.position[j] - grid.position[i]) / model.horizons[i, None]
             numbers = np.cumsum(near) - 1
-            gradient = _gradients(numbers[place[here]], xi, other[here], int(near.sum()))
+            gradient = _gradients(numbers[place[is_fitted]], xi, other[is_fitted], int(near.sum()))
             size = lengths(gradient)[:, None]
             normals[rows[near]] = np.where(size > EVEN, gradient / np.maximum(size, EVEN), 0.0)
         return normals
@@ -243,8 +239,8 @@ class Interfaces:
         across = np.flatnonzero(above[0] != above[1])
         (first, second), (i, j) = (heights[0][across], heights[1][across]), (nodes[across] for nodes in pairs[:2])
         share = np.clip(first / (first - second), 0.0, 1.0)
-        met = position[i] + share[:, None] * (position[j] - position[i]) - corners[0]
-        weights = np.linalg.solve(edges @ edges.T, edges @ met.T)
+        crossing = position[i] + share[:, None] * (position[j] - position[i]) - corners[0]
+        weights = np.linalg.solve(edges @ edges.T, edges @ crossing.T)
         inside = (weights >= -SLACK).all(axis=0) & (weights.sum(axis=0) <= 1 + SLACK)
         return across[inside], normal
 

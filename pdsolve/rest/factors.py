@@ -114,12 +114,9 @@ class Factors:
 
     def changed_components(self, tangent: csr_array) -> Index:
         """Components (q,) with larger changes of their entries, in order."""
-        return self._changed_components(self._free.part_of(tangent))
-
-    def _changed_components(self, part: csr_array) -> Index:
-        row, column, change = self._difference(part)
+        row, column, change = self._difference(self._free.part_of(tangent))
         large = np.abs(change) > SLIGHT * self._scale
-        is_changed = np.zeros(part.shape[0], dtype=bool)
+        is_changed = np.zeros(len(self._place), dtype=bool)
         is_changed[row[large]] = is_changed[column[large]] = True
         return np.flatnonzero(is_changed)
 
@@ -216,7 +213,7 @@ class Factors:
         """The solutions of this tangent for right sides (k, r), which leave at most this share of them, from a guess
         on; None if they take long."""
         matrix = self._free.part_of(tangent)
-        if not self.add_columns(self._changed_components(matrix)):
+        if not self.add_columns(self.changed_components(tangent)):
             return None
         self._change[:], self._equations = 0.0, None
         row, column, change = self._difference(matrix)

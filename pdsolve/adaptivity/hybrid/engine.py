@@ -26,7 +26,6 @@ from pdsolve.adaptivity.hybrid.node_constants import are_bonds_intact
 from pdsolve.adaptivity.hybrid.swelling import (
     average_fine_values_to_coarse,
     set_all_swelling_offsets,
-    total_strain_energy,
 )
 from pdsolve.checkpoint_validation import entry, like, pulls_to_arrays, read_pulls
 from pdsolve.codegen.vector_code import ROW
@@ -211,7 +210,7 @@ class HybridEngine:
 
     def strain_energy(self) -> float:
         """Strain energy of all springs, J/m."""
-        return float(total_strain_energy(self.lattice, self.zone, self.displacement_buffer_index))
+        return float(sum(energies.sum() for energies in self.strain_energies()))
 
     def copy_negative_half_swelling(self) -> NegativeHalfSwelling:
         """A copy of the strains that springs have."""

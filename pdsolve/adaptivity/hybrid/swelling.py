@@ -15,13 +15,11 @@ from typing import Any
 from numba import njit
 from numba.extending import overload
 
-from pdsolve.adaptivity.hybrid.energy import bond_piece_energy, store_half_spring_energies_of_row
 from pdsolve.adaptivity.hybrid.forces import interpolate_border_nodes
 from pdsolve.adaptivity.hybrid.node_constants import node_constant_at_place
 from pdsolve.codegen.inner_functions import INNER, is_none
 from pdsolve.codegen.jit_cache import cached_njit
-from pdsolve.codegen.vector_code import ROW
-from pdsolve.zone.cells import FREE, place_number_at, place_on_finer_lattice
+from pdsolve.zone.cells import place_number_at, place_on_finer_lattice
 
 
 def set_swelling_offsets_of_bond_pieces(lattice: Any, zone: Any) -> None:
@@ -147,40 +145,3 @@ def _weighted_mean_along_line(values, node_constants, p, step):  # type: ignore[
         if node_constant_at_place(node_constants, node_constants.mass, neighbour) == 0:
             return values[p]
     return values[p] / 2 + (values[p - step] + values[p + step]) / 4
-
-
-@cached_njit(error_model="numpy")
-def total_strain_energy(lattice, zone, displacement_buffer_index):  # type: ignore[no-untyped-def]
-    """Strain energy of all springs and pieces, J/m."""
-    fine, coarse, energy, s = zone.fine, zone.coarse, 0.0, zone.lane_sums[0]
-    for row in fine.active_rows[: zone.counts.active_fine_rows]:
-        store_half_spring_energies_of_row(
-            fine,
-            zone.history,
-            lattice.spring_table,
-            lattice.neighbour_offsets,
-            False,
-            row,
-            fine.u[displacement_buffer_index],
-            s,
-        )
-        for lane in range(ROW):
-            energy += s[lane]
-    for row in coarse.active_rows[: zone.counts.active_coarse_rows]:
-        store_half_spring_energies_of_row(
-            coarse,
-            None,
-            lattice.coarse_spring_table,
-            lattice.coarse_neighbour_offsets,
-            True,
-            row,
-            coarse.u[displacement_buffer_index],
-            s,
-        )
-        for lane in range(ROW):
-            energy += s[lane] if coarse.node_kinds[row * ROW + lane] == FREE else 0.0
-    for n in range(zone.counts.clipped_pieces):
-        energy += bond_piece_energy(
-            zone.clipped_pieces, fine.u[displacement_buffer_index], coarse.u[displacement_buffer_index], n
-        )
-    return energy
