@@ -267,7 +267,10 @@ def _condition(condition: SolidCondition, body: Body, body_nodes: BodyNodes) -> 
     action, where, place = condition.action, condition.where, describe(condition.action)
     of_crack = isinstance(where, str) and where.startswith(CRACK)
     if isinstance(where, str):
-        where = _named_face(where, body, place)
+        if where.startswith(CRACK):
+            where = Sheet(np.concatenate([crack.sheet.triangles for crack in named_crack(where, body.cracks, place)]))
+        else:
+            where = face(body.shell, where, place)
     at_place, surface = _found(where, condition, body, body_nodes)
     rows = np.flatnonzero(at_place)
     if not len(rows):
@@ -291,13 +294,6 @@ def _condition(condition: SolidCondition, body: Body, body_nodes: BodyNodes) -> 
         rows, way = (rows[above], way[above]) if above.any() else (rows, way)
         changed |= {"nodes": tuple((rows + 1).tolist()), "edge": tuple(map(tuple, way.tolist()))}
     return sampled(msgspec.structs.replace(action, **changed), condition.functions, body_nodes.position[rows], place)
-
-
-def _named_face(words: str, body: Body, place: str) -> str | Sheet:
-    """The side, the part of a body's surface or the pre-crack that words mean. Raises SceneError."""
-    if words.startswith(CRACK):
-        return Sheet(np.concatenate([crack.sheet.triangles for crack in named_crack(words, body.cracks, place)]))
-    return face(body.shell, words, place)
 
 
 def _pressed(

@@ -62,7 +62,15 @@ def build(scene: Scene | Body) -> Built:
         scene = with_files(scene, Path())
         built = _build(scene)
         grid = fields_on_nodes.with_fields(built.grid, built.settings, scene.fields, scene.spacing)
-        built = _with_interfaces(built, scene)
+        interfaces = scene.interfaces
+        if isinstance(scene, Body):
+            interfaces = (*interfaces, *(each for beside in scene.bodies for each in beside.body.interfaces))
+        for number, interface in enumerate(interfaces, start=1):
+            names = [region.name for region in built.settings.regions]
+            wrong = wrong_interface(interface, names, built.grid.dimension)
+            if wrong is not None:
+                raise SceneError(f"interface '{called(interface.name, number)}'{wrong}")
+        built = replace(built, settings=msgspec.structs.replace(built.settings, interfaces=interfaces))
         built = replace(built, grid=grid, notes=(*built.notes, *fields_on_nodes.remarks(grid, built.settings)))
     except PlaceError as error:
         raise SceneError(f"conditions: {error}") from None
@@ -107,19 +115,6 @@ def _build(scene: Scene | Body) -> Built:
     without_bonds(grid, settings, scene.source or "scene")
     sound = (remark for alone in each_alone(grid, settings) for remark in soundness.remarks(*alone))
     return replace(built, notes=(*notes, *sound))
-
-
-def _with_interfaces(built: Built, scene: Scene | Body) -> Built:
-    """The built grid with the interfaces of the scene and of its bodies. Raises SceneError."""
-    interfaces = scene.interfaces
-    if isinstance(scene, Body):
-        interfaces = (*interfaces, *(each for beside in scene.bodies for each in beside.body.interfaces))
-    for number, interface in enumerate(interfaces, start=1):
-        names = [region.name for region in built.settings.regions]
-        wrong = wrong_interface(interface, names, built.grid.dimension)
-        if wrong is not None:
-            raise SceneError(f"interface '{called(interface.name, number)}'{wrong}")
-    return replace(built, settings=msgspec.structs.replace(built.settings, interfaces=interfaces))
 
 
 def looked_at(built: Built) -> Built:

@@ -108,12 +108,6 @@ def place_nodes(body: Body) -> list[Cubic]:
         lost.append(orphans)
     if not sum(len(level.at) for level in levels):
         raise SceneError(f"spacing: the body has no node; use a spacing below {body.spacing:g} m")
-    _refuse_thin(levels)
-    return _given(body, levels, lost)
-
-
-def _refuse_thin(levels: list[Cubic]) -> None:
-    """Raise SceneError for a place thinner than three spacings that is more than a tip."""
     from scipy.ndimage import label
 
     for level in levels:
@@ -127,6 +121,7 @@ def _refuse_thin(levels: list[Cubic]) -> None:
                 f"spacing: {int(thin.sum())} nodes {level.cubes.spacing:g} m apart are where the body is thinner"
                 f" than {THINNEST} of them, the first at ({place}) m; use finer ones there"
             )
+    return _given(body, levels, lost)
 
 
 def _cubes(body: Body, step: int) -> Cubes:

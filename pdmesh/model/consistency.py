@@ -69,7 +69,21 @@ def _inconsistencies(grid: Grid, name: str) -> Iterator[str]:
 
 def _outside(grid: Grid, plate: shapely.Geometry | None, name: str) -> Iterator[str]:
     if plate is None:
-        away = _beside_body(grid)
+        # a ray from a place inside meets the surface an odd number of times
+        nodes, corners = (place[..., :2] - place[..., 2:] * SLANT for place in (grid.position, grid.faces))
+        order = np.argsort(nodes[:, 0])
+        low, high = corners.min(axis=1), corners.max(axis=1)
+        first, last = (np.searchsorted(nodes[order, 0], end[:, 0]) for end in (low, high))
+        met = np.zeros(len(grid), dtype=np.int64)
+        for chunk in np.split(np.arange(len(corners)), np.flatnonzero(np.diff(np.cumsum(last - first) // AT_ONCE)) + 1):
+            count = (last - first)[chunk]
+            face = np.repeat(chunk, count)
+            row = order[np.arange(count.sum()) + np.repeat(first[chunk] - np.cumsum(count) + count, count)]
+            in_bounds = (nodes[row, 1] >= low[face, 1]) & (nodes[row, 1] <= high[face, 1])
+            np.add.at(met, *_met(grid, nodes, corners, row[in_bounds], face[in_bounds]))
+        away, out = np.zeros(len(grid)), np.flatnonzero(met % 2 == 0)
+        if len(out):
+            away[out] = distances(grid.position[out], grid.faces, OFF * float(grid.delta[out].max()))
     else:
         import shapely
 
@@ -89,28 +103,6 @@ def _outside(grid: Grid, plate: shapely.Geometry | None, name: str) -> Iterator[
     if 2 * len(off) > len(grid):
         raise GridError(f"{message}: most nodes are not of these shapes")
     yield message
-
-
-def _beside_body(grid: Grid) -> Array:
-    """Distance (n,) of nodes outside the body, m; 0 inside, infinite beyond `OFF` spacings.
-
-    A ray from a place inside meets the surface an odd number of times.
-    """
-    nodes, corners = (place[..., :2] - place[..., 2:] * SLANT for place in (grid.position, grid.faces))
-    order = np.argsort(nodes[:, 0])
-    low, high = corners.min(axis=1), corners.max(axis=1)
-    first, last = (np.searchsorted(nodes[order, 0], end[:, 0]) for end in (low, high))
-    met = np.zeros(len(grid), dtype=np.int64)
-    for chunk in np.split(np.arange(len(corners)), np.flatnonzero(np.diff(np.cumsum(last - first) // AT_ONCE)) + 1):
-        count = (last - first)[chunk]
-        face = np.repeat(chunk, count)
-        row = order[np.arange(count.sum()) + np.repeat(first[chunk] - np.cumsum(count) + count, count)]
-        in_bounds = (nodes[row, 1] >= low[face, 1]) & (nodes[row, 1] <= high[face, 1])
-        np.add.at(met, *_met(grid, nodes, corners, row[in_bounds], face[in_bounds]))
-    away, out = np.zeros(len(grid)), np.flatnonzero(met % 2 == 0)
-    if len(out):
-        away[out] = distances(grid.position[out], grid.faces, OFF * float(grid.delta[out].max()))
-    return away
 
 
 def _met(grid: Grid, nodes: Array, corners: Array, row: Rows, face: Rows) -> tuple[Rows, int]:

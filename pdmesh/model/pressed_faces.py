@@ -48,7 +48,16 @@ def pieces_of(faces: Faces, position: Array, delta: Array, cells: Array) -> Face
     size = np.zeros(len(corners))
     np.add.at(size, pieces, np.linalg.norm(areas, axis=1)[:, None])
     near = _near(corners, -normal, is_crack, position, delta)
-    return FacePieces(corners, pieces, _evened(near, size, cells))
+    # nodes begin with a part in proportion to how near they are and to their cells; those that get more or less per
+    # cell than others around, as half cells at the end of an edge do, then take less or more
+    part, reached = np.array(cells), near.T @ np.ones(len(size))
+    reached = np.where(reached > 0, reached, np.inf)  # nodes that carry nothing
+    for _ in range(EVENED):
+        weights = near.multiply(part / (near @ part)[:, None])
+        per_cell = (weights.T @ size) / cells
+        around = (near @ (per_cell * cells)) / (near @ cells)
+        part *= np.where(per_cell > 0, (near.T @ around) / reached / np.maximum(per_cell, 1e-300), 1.0)
+    return FacePieces(corners, pieces, near.multiply(part / (near @ part)[:, None]).tocsr())
 
 
 def area_vectors(corners: Array, pieces: NDArray[np.int64]) -> Array:
@@ -104,12 +113,7 @@ def _divided(numbers: Array, tree: object, delta: Array) -> tuple[Array, NDArray
         first, second = whole.copy(), whole.copy()
         first[rows, (at + 1) % d], second[rows, at] = middle, middle
         faces = np.concatenate([faces[~large], first, second])
-    return _joined(faces, d)
-
-
-def _joined(faces: Array, d: int) -> tuple[Array, NDArray[np.int64], NDArray[np.bool_]]:
-    """Corners, pieces and corners on cracks of faces (f, d, d), whose corners at one place are joined, except those of
-    the opposite face of a crack."""
+    # corners at one place are joined, except those of the opposite face of a crack
     points = faces.reshape(-1, d)
     extent = float(np.ptp(points, axis=0).max())
     cell = np.round((points - points.min(axis=0)) / (ROUND_OFF * extent)).astype(np.int64)
@@ -148,19 +152,3 @@ def _near(corners: Array, inward: Array, is_crack: NDArray[np.bool_], position: 
     weight[nearest] = 1.0
     is_near = weight > 0
     return csr_array((weight[is_near], (corner[is_near], node[is_near])), shape=(len(corners), len(position)))
-
-
-def _evened(near: csr_array, size: Array, cells: Array) -> csr_array:
-    """How much (p, k) nodes with these `cells` (k,) carry of corners of a `size` (p,), 1 of each in all.
-
-    Nodes begin with a part in proportion to how near they are and to their cells. Those that get more or less per cell
-    than others around, as half cells at the end of an edge do, then take less or more.
-    """
-    part, reached = np.array(cells), near.T @ np.ones(len(size))
-    reached = np.where(reached > 0, reached, np.inf)  # nodes that carry nothing
-    for _ in range(EVENED):
-        weights = near.multiply(part / (near @ part)[:, None])
-        per_cell = (weights.T @ size) / cells
-        around = (near @ (per_cell * cells)) / (near @ cells)
-        part *= np.where(per_cell > 0, (near.T @ around) / reached / np.maximum(per_cell, 1e-300), 1.0)
-    return near.multiply(part / (near @ part)[:, None]).tocsr()

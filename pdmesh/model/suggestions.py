@@ -178,7 +178,16 @@ def described(kind: inspection.Type) -> list[str]:
     words = [listed(choices, quote=True)] if choices else []
     for one in _plain(kind):
         if isinstance(one, inspection.FloatType | inspection.IntType):
-            words.append(_number(one))
+            word = "a whole number" if isinstance(one, inspection.IntType) else "a number"
+            low = f"from {_short(one.ge)}" if one.ge is not None else ""
+            if one.gt is not None:
+                low = f"from {one.gt + 1}" if isinstance(one, inspection.IntType) else f"above {_short(one.gt)}"
+            if one.le is not None:
+                high = f"to {_short(one.le)}" if low.startswith("from") else f"up to {_short(one.le)}"
+            else:
+                high = f"below {_short(one.lt)}" if one.lt is not None else ""
+            joint = " and " if low and high and not high.startswith("to") else " "
+            words.append(f"{word} {joint.join(filter(None, (low, high)))}".rstrip())
         elif isinstance(one, inspection.TupleType):
             words.append(f"a list of {len(one.item_types)} values: {', '.join(map(_first, one.item_types))}")
         elif isinstance(one, inspection.CollectionType):
@@ -205,20 +214,6 @@ def _examples(pattern: str) -> list[str]:
 
 def _first(kind: inspection.Type) -> str:
     return " or ".join(described(kind))
-
-
-def _number(kind: inspection.FloatType | inspection.IntType) -> str:
-    """A number within its limits, in words."""
-    word = "a whole number" if isinstance(kind, inspection.IntType) else "a number"
-    low = f"from {_short(kind.ge)}" if kind.ge is not None else ""
-    if kind.gt is not None:
-        low = f"from {kind.gt + 1}" if isinstance(kind, inspection.IntType) else f"above {_short(kind.gt)}"
-    if kind.le is not None:
-        high = f"to {_short(kind.le)}" if low.startswith("from") else f"up to {_short(kind.le)}"
-    else:
-        high = f"below {_short(kind.lt)}" if kind.lt is not None else ""
-    joint = " and " if low and high and not high.startswith("to") else " "
-    return f"{word} {joint.join(filter(None, (low, high)))}".rstrip()
 
 
 def _short(limit: float) -> str:

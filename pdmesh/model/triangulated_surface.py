@@ -173,9 +173,33 @@ class Screen:
         """
         mask = np.zeros(len(pairs.source), dtype=bool)
         if len(mask):
-            self._look_at_large(pairs, mask)
+            far = float(pairs.length.max()) * (1 + ROUND_OFF)
+            start = np.append(np.flatnonzero(np.diff(pairs.source, prepend=-1)), len(mask))
+            place = self._position[pairs.source[start[:-1]]]
+            for triangle, normal in zip(self._large, self._large_normal, strict=True):
+                near_rows = np.flatnonzero(_beside(place, triangle, normal, far))
+                if not len(near_rows):
+                    continue
+                count = start[near_rows + 1] - start[near_rows]
+                which = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - start[near_rows], count)
+                which = which[~mask[which]]
+                mask[which] = meets(*self._ends(pairs, which), triangle[None], normal[None])
             if len(self._small):
-                self._look_at_small(pairs, mask)
+                longer = self._away[pairs.source] + self._away[pairs.target] <= pairs.length * (1 + ROUND_OFF)
+                candidates = np.flatnonzero(longer & ~mask)
+                candidates = candidates[np.argsort(pairs.length[candidates], kind="stable")]
+                for alike in filter(len, np.array_split(candidates, LENGTHS)):
+                    p, q = self._ends(pairs, alike)
+                    near = (float(pairs.length[alike[-1]]) / 2 + self._reach) * (1 + ROUND_OFF)
+                    count = self._tree.query_ball_point((p + q) / 2, near, return_length=True)
+                    part = np.cumsum(count) // AT_ONCE
+                    for which in np.split(alike, np.flatnonzero(np.diff(part)) + 1):
+                        p, q = self._ends(pairs, which)
+                        both = tree_of((p + q) / 2).sparse_distance_matrix(self._tree, near, output_type="ndarray")
+                        beside = self._beside(p, q, both["i"], both["j"], both["v"])
+                        own, number = both["i"][beside], both["j"][beside]
+                        met = meets(p[own], q[own], self._small[number], self._small_normal[number])
+                        mask[which[own[met]]] = True
         return mask
 
     def near(self, far: float) -> NDArray[np.bool_]:
@@ -193,36 +217,6 @@ class Screen:
         """Ends of segments (k, 3), in the order of rows, so that both directions give the same answer."""
         i, j = pairs.source[which], pairs.target[which]
         return self._position[np.minimum(i, j)], self._position[np.maximum(i, j)]
-
-    def _look_at_large(self, pairs: Pairs, mask: NDArray[np.bool_]) -> None:
-        far = float(pairs.length.max()) * (1 + ROUND_OFF)
-        start = np.append(np.flatnonzero(np.diff(pairs.source, prepend=-1)), len(mask))
-        place = self._position[pairs.source[start[:-1]]]
-        for triangle, normal in zip(self._large, self._large_normal, strict=True):
-            near_rows = np.flatnonzero(_beside(place, triangle, normal, far))
-            if not len(near_rows):
-                continue
-            count = start[near_rows + 1] - start[near_rows]
-            which = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - start[near_rows], count)
-            which = which[~mask[which]]
-            mask[which] = meets(*self._ends(pairs, which), triangle[None], normal[None])
-
-    def _look_at_small(self, pairs: Pairs, mask: NDArray[np.bool_]) -> None:
-        longer = self._away[pairs.source] + self._away[pairs.target] <= pairs.length * (1 + ROUND_OFF)
-        candidates = np.flatnonzero(longer & ~mask)
-        candidates = candidates[np.argsort(pairs.length[candidates], kind="stable")]
-        for alike in filter(len, np.array_split(candidates, LENGTHS)):
-            p, q = self._ends(pairs, alike)
-            near = (float(pairs.length[alike[-1]]) / 2 + self._reach) * (1 + ROUND_OFF)
-            count = self._tree.query_ball_point((p + q) / 2, near, return_length=True)
-            part = np.cumsum(count) // AT_ONCE
-            for which in np.split(alike, np.flatnonzero(np.diff(part)) + 1):
-                p, q = self._ends(pairs, which)
-                both = tree_of((p + q) / 2).sparse_distance_matrix(self._tree, near, output_type="ndarray")
-                beside = self._beside(p, q, both["i"], both["j"], both["v"])
-                own, number = both["i"][beside], both["j"][beside]
-                met = meets(p[own], q[own], self._small[number], self._small_normal[number])
-                mask[which[own[met]]] = True
 
     def _beside(
         self,

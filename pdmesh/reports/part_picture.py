@@ -31,7 +31,20 @@ WHITE = [withStroke(linewidth=2, foreground="white")]
 def draw(part: CadPart) -> Figure:
     """The part with the numbers of its faces, or of its edges."""
     if part.dimension == 2:
-        return _plate(part)
+        width, height = (part.high - part.low)[:2]
+        inches = 2 * SIDE * np.array([1.0, height / width]) / max(1.0, height / width)
+        figure = Figure(figsize=(max(inches[0], SIDE), max(inches[1], SIDE / 2) + 0.6), dpi=DPI, layout="constrained")
+        axes = figure.add_subplot(aspect="equal", xlabel=f"x, {part.unit}", ylabel=f"y, {part.unit}")
+        colours = colormaps["tab10"].colors  # type: ignore[attr-defined]
+        for at, shape in enumerate(part.shapes):
+            line, colour = shape.points[:, :2], colours[at % len(colours)]
+            axes.plot(*line.T, color=colour, linewidth=2.5)
+            along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+            middle = [np.interp(along[-1] / 2, along, line[:, axis]) for axis in (0, 1)]
+            _number(axes, middle, shape.number)
+        axes.set_title(f"{for_legend(Path(part.path).name)}: edges", fontsize=10)
+        axes.margins(0.08)
+        return figure
     figure = Figure(figsize=(2 * SIDE, 2 * SIDE), dpi=DPI, layout="constrained")
     corners = np.concatenate([shape.points for shape in part.shapes])
     face = np.repeat(np.arange(len(part.shapes)), [len(shape.points) for shape in part.shapes])
@@ -41,23 +54,6 @@ def draw(part: CadPart) -> Figure:
     hidden = [str(shape.number) for at, shape in enumerate(part.shapes) if at not in seen]
     title = f"{for_legend(Path(part.path).name)}: faces" + (f"; not seen: {', '.join(hidden)}" if hidden else "")
     figure.suptitle(title, fontsize=10)
-    return figure
-
-
-def _plate(part: CadPart) -> Figure:
-    width, height = (part.high - part.low)[:2]
-    inches = 2 * SIDE * np.array([1.0, height / width]) / max(1.0, height / width)
-    figure = Figure(figsize=(max(inches[0], SIDE), max(inches[1], SIDE / 2) + 0.6), dpi=DPI, layout="constrained")
-    axes = figure.add_subplot(aspect="equal", xlabel=f"x, {part.unit}", ylabel=f"y, {part.unit}")
-    colours = colormaps["tab10"].colors  # type: ignore[attr-defined]
-    for at, shape in enumerate(part.shapes):
-        line, colour = shape.points[:, :2], colours[at % len(colours)]
-        axes.plot(*line.T, color=colour, linewidth=2.5)
-        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-        middle = [np.interp(along[-1] / 2, along, line[:, axis]) for axis in (0, 1)]
-        _number(axes, middle, shape.number)
-    axes.set_title(f"{for_legend(Path(part.path).name)}: edges", fontsize=10)
-    axes.margins(0.08)
     return figure
 
 
@@ -83,7 +79,18 @@ def _view(
     shine = LIGHT + (1 - LIGHT) * np.abs(normal[:, 2]) / np.maximum(sizes * scale**2, 1e-300)
     nearest, owner, light = np.full(shape, -np.inf), np.full(shape, -1), np.ones(shape)
     for triangle, row, brightness in zip(placed, face, shine, strict=True):
-        rows, columns, height = _pixels(triangle)
+        low, high = np.ceil(triangle[:, :2].min(axis=0)), np.floor(triangle[:, :2].max(axis=0))
+        columns, rows = np.meshgrid(np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1))
+        (ax, ay), (bx, by), (cx, cy) = triangle[:, :2]
+        double = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
+        if double == 0:
+            double = np.inf  # seen edgewise: its weights are 0, 0 and 1
+            columns, rows = columns[:0], rows[:0]
+        second = ((columns - ax) * (cy - ay) - (cx - ax) * (rows - ay)) / double
+        third = ((bx - ax) * (rows - ay) - (columns - ax) * (by - ay)) / double
+        inside = (second >= -1e-9) & (third >= -1e-9) & (second + third <= 1 + 1e-9)
+        height = triangle[0, 2] + second * (triangle[1, 2] - triangle[0, 2]) + third * (triangle[2, 2] - triangle[0, 2])
+        rows, columns, height = rows[inside].astype(np.int64), columns[inside].astype(np.int64), height[inside]
         front = height > nearest[rows, columns]
         rows, columns = rows[front], columns[front]
         nearest[rows, columns], owner[rows, columns], light[rows, columns] = height[front], row, brightness
@@ -95,35 +102,7 @@ def _view(
         image[at] = 0.25
     axes.imshow(image, origin="lower", interpolation="nearest")
     axes.set_axis_off()
-    _triad(axes, frame, shape)
-    seen = set()
-    for row in np.unique(owner[owner >= 0]).tolist():
-        room = distance_transform_edt(np.pad(owner == row, 1))[1:-1, 1:-1]
-        y, x = np.unravel_index(int(room.argmax()), room.shape)
-        if room[y, x] >= LEAST:
-            _number(axes, [float(x), float(y)], part.shapes[row].number)
-            seen.add(row)
-    return seen
-
-
-def _pixels(triangle: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
-    """Rows and columns (k,) of the pixels in a triangle (3, 3) of pixels and heights, and its heights there."""
-    low, high = np.ceil(triangle[:, :2].min(axis=0)), np.floor(triangle[:, :2].max(axis=0))
-    columns, rows = np.meshgrid(np.arange(low[0], high[0] + 1), np.arange(low[1], high[1] + 1))
-    (ax, ay), (bx, by), (cx, cy) = triangle[:, :2]
-    double = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
-    if double == 0:
-        double = np.inf  # seen edgewise: its weights are 0, 0 and 1
-        columns, rows = columns[:0], rows[:0]
-    second = ((columns - ax) * (cy - ay) - (cx - ax) * (rows - ay)) / double
-    third = ((bx - ax) * (rows - ay) - (columns - ax) * (by - ay)) / double
-    inside = (second >= -1e-9) & (third >= -1e-9) & (second + third <= 1 + 1e-9)
-    height = triangle[0, 2] + second * (triangle[1, 2] - triangle[0, 2]) + third * (triangle[2, 2] - triangle[0, 2])
-    return rows[inside].astype(np.int64), columns[inside].astype(np.int64), height[inside]
-
-
-def _triad(axes: Axes, frame: NDArray[np.float64], shape: NDArray[np.int64]) -> None:
-    """Draw the directions of x, y and z in the lower left corner."""
+    # the directions of x, y and z in the lower left corner
     length = 0.09 * max(shape)
     for name, way in zip("xyz", frame[:2].T * length, strict=True):
         start = -0.6 * length
@@ -133,3 +112,11 @@ def _triad(axes: Axes, frame: NDArray[np.float64], shape: NDArray[np.int64]) -> 
         axes.text(x, y, name, ha="center", va="center", fontsize=8, color=GREY)
     axes.set_xlim(-2 * length, shape[1])
     axes.set_ylim(-2 * length, shape[0])
+    seen = set()
+    for row in np.unique(owner[owner >= 0]).tolist():
+        room = distance_transform_edt(np.pad(owner == row, 1))[1:-1, 1:-1]
+        y, x = np.unravel_index(int(room.argmax()), room.shape)
+        if room[y, x] >= LEAST:
+            _number(axes, [float(x), float(y)], part.shapes[row].number)
+            seen.add(row)
+    return seen

@@ -44,7 +44,17 @@ def draw(document: Document, name: str, with_bonds: bool = False) -> Figure:
     selection.check(document, grid, name)
     plate_of(grid, name)
     if with_bonds:
-        window = _window(grid, document.horizon.ratio)
+        # around the end of the first crack or, without one, around a node at a hole, or the centre
+        at_hole = np.flatnonzero(grid.hole_id >= 0)
+        centre = grid.position[at_hole[0]] if len(at_hole) else grid.position.mean(axis=0)
+        if len(grid.cracks):
+            ends = grid.cracks[0].reshape(2, 2)
+            rings = [*grid.outline, *grid.holes]
+            edge = shapely.multilinestrings([shapely.linestrings(ring) for ring in rings])
+            centre = ends[int(np.argmax(shapely.distance(shapely.points(ends), edge)))] if rings else ends[1]
+        nearest = int(np.argmin(np.hypot(*(grid.position - centre).T)))
+        reach = WINDOW * document.horizon.ratio * float(grid.delta[nearest])
+        window = centre - reach, centre + reach
     else:
         low, high = grid.position.min(axis=0), grid.position.max(axis=0)
         margin = MARGIN * float((high - low).max()) + float(grid.delta.max()) / 2
@@ -82,20 +92,6 @@ def save(figure: Figure, path: Path) -> None:
     picture = io.BytesIO()
     figure.savefig(picture, format=kind, metadata=undated.get(kind))
     write_atomically(path, picture.getvalue())
-
-
-def _window(grid: Grid, ratio: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """A window around the end of the first crack or, without one, around a node at a hole, or the centre."""
-    at_hole = np.flatnonzero(grid.hole_id >= 0)
-    centre = grid.position[at_hole[0]] if len(at_hole) else grid.position.mean(axis=0)
-    if len(grid.cracks):
-        ends = grid.cracks[0].reshape(2, 2)
-        rings = [*grid.outline, *grid.holes]
-        edge = shapely.multilinestrings([shapely.linestrings(ring) for ring in rings])
-        centre = ends[int(np.argmax(shapely.distance(shapely.points(ends), edge)))] if rings else ends[1]
-    nearest = int(np.argmin(np.hypot(*(grid.position - centre).T)))
-    reach = WINDOW * ratio * float(grid.delta[nearest])
-    return centre - reach, centre + reach
 
 
 def _nodes(axes: Axes, grid: Grid, points: float) -> None:

@@ -242,7 +242,9 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
             place = self._place(where, at)
         if rows is None and issubclass(kind, Grip) and self._is_edge(place):
             more["corrected"] = True
-        if rows is None and ("traction" in plain or self._fills_edges(faces)) and self._is_edge(place):
+        # as bonds of the material know of it, a traction or a pressure on faces is shared by rows
+        is_shared = "traction" in plain or (bool(faces) and (self.material or PLAIN).model == "bond")
+        if rows is None and is_shared and self._is_edge(place):
             pulls = pulls_of(self.material or PLAIN, self.horizon)
         action = actions.action(kind, name, plain | more, len(self.AXES))
         rows = (len(pulls) or 1) if rows is None else rows
@@ -261,10 +263,6 @@ class Scene(Plate, MechanicalConditions[Where], DiffusionConditions[Where]):
                 f"{place}: a pressure acts on edges, not on a shape or a point; use an edge or 'crack NAME'"
             )
         return curve, faces_of_edge(curve, self.everything, self.finest, place)
-
-    def _fills_edges(self, faces: Faces) -> bool:
-        """Whether a pressure on these faces is shared by rows, as bonds of the material know of it."""
-        return bool(faces) and (self.material or PLAIN).model == "bond"
 
     def _faces_along(self, along: LineString | Points, place: str) -> Faces:
         lines = shapely.get_parts(polyline(along, place))

@@ -60,7 +60,17 @@ def cones(gmsh: Any, places: Array, tags: Nodes, triangles: dict[int, Nodes]) ->
         at = np.searchsorted(on_curves, key)
         shared = np.append(on_curves, -1)[at] == key
         middle[shared] = bent[at[shared]]
-        volumes[face] = _cone(np.concatenate([places[corners], middle.reshape(-1, 3, 3)], axis=1) - places[0])
+        # volumes between the first node and triangles of six nodes: corners, and the middles of sides
+        nodes = np.concatenate([places[corners], middle.reshape(-1, 3, 3)], axis=1) - places[0]
+        total = np.zeros(len(nodes))
+        for (u, v), weight in zip(RULE, WEIGHTS, strict=True):
+            w = 1 - u - v
+            shape = np.array([w * (2 * w - 1), u * (2 * u - 1), v * (2 * v - 1), 4 * u * w, 4 * u * v, 4 * v * w])
+            along = np.array([1 - 4 * w, 4 * u - 1, 0, 4 * (w - u), 4 * v, -4 * v])
+            across = np.array([1 - 4 * w, 0, 4 * v - 1, -4 * u, 4 * u, 4 * (w - v)])
+            at, tangent_u, tangent_v = (np.einsum("k,tkx->tx", row, nodes) for row in (shape, along, across))
+            total += weight * (at * np.cross(tangent_u, tangent_v)).sum(axis=1) / 3
+        volumes[face] = total
     return volumes
 
 
@@ -95,19 +105,6 @@ def _midway(gmsh: Any, entity: tuple[int, int], sides: Nodes, places: Array, num
         middle[bent_sides[nearer]], off[bent_sides[nearer]] = tried[nearer], away[nearer]
     middle[off > BENT * length] = straight[off > BENT * length]
     return middle
-
-
-def _cone(nodes: Array) -> Array:
-    """Volumes (t,) between the origin and triangles of six nodes (t, 6, 3): corners, and the middles of sides."""
-    total = np.zeros(len(nodes))
-    for (u, v), weight in zip(RULE, WEIGHTS, strict=True):
-        w = 1 - u - v
-        shape = np.array([w * (2 * w - 1), u * (2 * u - 1), v * (2 * v - 1), 4 * u * w, 4 * u * v, 4 * v * w])
-        along = np.array([1 - 4 * w, 4 * u - 1, 0, 4 * (w - u), 4 * v, -4 * v])
-        across = np.array([1 - 4 * w, 0, 4 * v - 1, -4 * u, 4 * u, 4 * (w - v)])
-        at, tangent_u, tangent_v = (np.einsum("k,tkx->tx", row, nodes) for row in (shape, along, across))
-        total += weight * (at * np.cross(tangent_u, tangent_v)).sum(axis=1) / 3
-    return total
 
 
 def spatial_groups(gmsh: Any, tolerance: float, conforming: bool) -> dict[str, Any]:
