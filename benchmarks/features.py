@@ -45,6 +45,7 @@ from pdmesh.model.medium import Medium, Solid
 from pdmesh.model.node_fields import FieldColumn
 from pdmesh.model.node_grid import Bodies, Grid
 from pdmesh.model.possible import impossible
+from pdmesh.model.values_of_place import Table
 
 Changes = dict[str, Any]
 COUNTS = {2: (36, 26), 3: (12, 12, 12)}  # nodes along each axis
@@ -134,6 +135,7 @@ CONDITIONS: dict[str, Changes] = {
     "an early end": {"run.until": "split"},
     "initial contents": {"conditions": (lambda at: InitialConcentration(box=at.middle, value=0.1),)},
     "profiles of loads": {"profile": RISING},
+    "data over time": {"conditions": (lambda at: _load_over_time(at),)},
     "probes": {"probe": True},
 }
 EXECUTION: dict[str, Changes] = {
@@ -300,6 +302,12 @@ def _following_pressure(dimension: int) -> Load:
     face = (0.0, 2 * H, 0.0, 0.0) if dimension == 2 else (0.0, 0.0, 0.0, 0.0, 0.0, 2 * H, 0.0, 2 * H, 0.0)
     first = COUNTS[dimension][0] + 1
     return Load(nodes=(first, 2 * first - 1), pressure=1e3, area_vectors=vectors, following=True, faces=(face,))
+
+
+def _load_over_time(at: Places) -> Load:
+    """A body force that grows in time, twice as much at the end of some nodes as at their beginning."""
+    rising = Table(((at.middle[0],), (at.middle[at.dimension],)), (0.0, 0.0, 1e3, 2e3), "x", (0.0, 1.0))
+    return Load(box=at.middle, body_force=(rising,) + (0.0,) * (at.dimension - 1))
 
 
 def _weak_middle(dimension: int) -> Interface:

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from pdmesh.model.medium import Medium
     from pdmesh.scene.body import Body
     from pdmesh.scene.conditions import friedlander, ramp
+    from pdmesh.scene.functions_of_place import over_time
     from pdmesh.scene.heat import Heat
     from pdmesh.scene.node_fields import Picture, Weibull
     from pdmesh.scene.scene import Scene
@@ -55,6 +56,7 @@ else:
             "file_parameters": "pdmesh.drawing.file_reading",
             "friedlander": "pdmesh.scene.conditions",
             "laminate": "pdmesh.model.laminate",
+            "over_time": "pdmesh.scene.functions_of_place",
             "ramp": "pdmesh.scene.conditions",
             "read_outline": "pdmesh.drawing.geo",
             "read_scene": "pdmesh.drawing.file_reading",
@@ -88,6 +90,7 @@ __all__ = [
     "file_parameters",
     "friedlander",
     "laminate",
+    "over_time",
     "ramp",
     "read_outline",
     "read_scene",

@@ -23,7 +23,7 @@ from pdmesh.model.node_grid import Grid
 from pdmesh.model.output_fields import usual
 from pdmesh.model.possible import impossible
 from pdmesh.model.rigid_bodies import components_set
-from pdmesh.model.selection import components
+from pdmesh.model.selection import components, data_too_short
 from pdmesh.model.suggestions import called
 from pdmesh.model.triangulated_surface import distances
 from pdsolve.bonds.interfaces import Interfaces, cut_of_springs
@@ -469,7 +469,10 @@ LITTLE = 0.1  # of the peak of a profile: a run in which less acts may be one of
 
 def warn_of_doubtful_conditions(model: Model, time_step: float) -> None:
     """Warn of conditions that hardly act in a run in steps of `time_step`, s, of zeros that set nothing, and of a
-    restitution that bodies do not show."""
+    restitution that bodies do not show. Raises ModelError for data that end before the run."""
+    wrong = data_too_short(model.settings.conditions, (model.settings.run.steps - 1) * time_step)
+    if wrong is not None:
+        raise ModelError(f"{model.name}: {wrong}")
     _warn_of_profiles_far_below_peak(model, time_step)
     _warn_of_ignored_zero_velocities(model)
     contact, bodies = model.settings.contact, model.grid.bodies

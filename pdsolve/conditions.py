@@ -29,7 +29,9 @@ from pdmesh.model.load_resultants import pressure_forces, shares_of
 from pdmesh.model.material_constants import pressure_speed
 from pdmesh.model.neighbours import tree_of
 from pdmesh.model.rigid_bodies import first_velocities, rigid_velocities
-from pdmesh.model.selection import components
+from pdmesh.model.selection import components, given_of
+from pdmesh.model.values_at_places import over_time
+from pdmesh.model.values_of_place import is_over_time
 from pdsolve.model import Model, ModelError
 
 DISPLACEMENT, VELOCITY, ACCELERATION = 0, 1, 2
@@ -53,8 +55,9 @@ class Entries(NamedTuple):
     node: NDArray[np.int64]  # (e,) row of the grid
     axis: NDArray[np.int64]  # (e,) 0, 1 or, in space, 2; 0 of a content
     value: NDArray[np.float64]  # (e,) N/m^3, m, m/s or m/s^2; mol/(m^3 s) or mol/m^3; times the factor of its profile
-    profile: NDArray[np.int64]  # (e,)
+    profile: NDArray[np.int64]  # (e,) that of the condition, or one of the entry, whose data varies with place and time
     kind: NDArray[np.int64]  # (e,) of held motion; 0 for loads and held contents
+    condition: NDArray[np.int64]  # (e,) its number among those that drive the model, which is that of its profile
 
 
 class Drive(NamedTuple):
@@ -99,7 +102,7 @@ def initial_velocity(model: Model, width: int | None = None) -> NDArray[np.float
             for axis, value in enumerate(components(condition, d)):
                 if value is not None:
                     rows = model.selected(condition)
-                    velocity[rows, axis] = factor * model.values(value, rows)
+                    velocity[rows, axis] = factor * model.values(value, rows, 0.0)
     return velocity
 
 
@@ -227,11 +230,13 @@ def drive(
     begin, end, _ = local_rows.indices(nodes)
     # fine nodes everywhere, and bonds that know of shared loads
     loads_are_shared = exact_total and model.settings.run.adapt == "none" and is_corrected(model)
+    driving = driving_conditions(model)
     profiles: list[Sequence[tuple[float, float]]] = []
     loads: list[Entries] = []
     holds: list[Entries] = []
-    for _, condition in driving_conditions(model):
-        rows, number = model.selected(condition), len(profiles)
+    histories = Histories(len(driving))
+    for number, (_, condition) in enumerate(driving):
+        rows = model.selected(condition)
         rows = rows[(rows >= begin) & (rows < end)]
         if isinstance(condition, Load) and condition.traction and condition.shares and not loads_are_shared:
             rows = rows[shares_of(condition, model.grid.ids[rows]) == 1.0]  # the first row alone, as a load without
@@ -240,30 +245,72 @@ def drive(
         if isinstance(condition, RigidBody | Spring | Pin):  # operators have their forces
             continue
         if isinstance(condition, Load):
-            values = _body_force(condition, rows, model, areas, total, exact_total)
-            loads.append(entries(np.repeat(rows, d), np.tile(np.arange(d), len(rows)), values.ravel(), number))
+            ((_, vector),) = given_of(condition).items()
+            node, axis = np.repeat(rows, d), np.tile(np.arange(d), len(rows))
+            common = rows, model, areas, total, exact_total
+            if any(map(is_over_time, vector)):
+                times, vectors = over_time(vector, model.grid.part(rows).position)
+                forces = np.array([_body_force(condition, then, *common) for then in vectors])
+                loads.append(histories.entries(node, axis, times, forces.reshape(len(times), -1), number))
+            else:
+                values = _body_force(condition, model.vectors(vector, rows), *common)
+                loads.append(entries(node, axis, values.ravel(), number))
             continue
-        for axis, value in enumerate(components(condition, d)):
-            if value is not None:
-                holds.append(entries(rows, axis, model.values(value, rows), number, HELD[type(condition)]))
-    return drive_of(profiles, loads, holds, (nodes, d), kind)
+        for along, value in enumerate(components(condition, d)):
+            if value is not None and is_over_time(value):
+                times, vectors = over_time([value], model.grid.part(rows).position)
+                held = histories.entries(rows, along, times, vectors[..., 0], number, HELD[type(condition)])
+                holds.append(held)
+            elif value is not None:
+                holds.append(entries(rows, along, model.values(value, rows), number, HELD[type(condition)]))
+    return drive_of(profiles, loads, holds, (nodes, d), kind, histories)
 
 
 def entries(
     node: NDArray[np.int64],
     axis: NDArray[np.int64] | int,
     value: NDArray[np.float64] | float,
-    profile: int,
+    condition: int,
     kind: int = DISPLACEMENT,
 ) -> Entries:
     """A condition on one component of each of these nodes (e,)."""
-    axes, profiles, kinds = (np.full(len(node), number, dtype=np.int64) for number in (axis, profile, kind))
-    return Entries(node, axes, np.full(len(node), value, dtype=float), profiles, kinds)
+    axes, numbers, kinds = (np.full(len(node), number, dtype=np.int64) for number in (axis, condition, kind))
+    return Entries(node, axes, np.full(len(node), value, dtype=float), numbers, kinds, numbers)
+
+
+class Histories:
+    """Profiles of entries of their own, which come after those of `conditions`: values over time in place of factors.
+
+    Their entries have the value 1.
+    """
+
+    def __init__(self, conditions: int = 0) -> None:
+        self._next = conditions
+        self.count = [np.zeros(0, dtype=np.int64)]  # points of each profile
+        self.time, self.value = [np.zeros(0)], [np.zeros(0)]  # s, and what entries have then
+
+    def entries(
+        self,
+        node: NDArray[np.int64],
+        axis: NDArray[np.int64] | int,
+        times: NDArray[np.float64],
+        values: NDArray[np.float64],
+        condition: int,
+        kind: int = DISPLACEMENT,
+    ) -> Entries:
+        """A condition on one component of each of these nodes (e,), with values (t, e) at times (t,), s."""
+        self.count.append(np.full(len(node), len(times), dtype=np.int64))
+        self.time.append(np.tile(times, len(node)))
+        self.value.append(values.T.ravel())
+        self._next += len(node)
+        own = np.arange(self._next - len(node), self._next)
+        return entries(node, axis, 1.0, condition, kind)._replace(profile=own)
 
 
 def chosen(of: Entries, which: NDArray[np.bool_]) -> Entries:
     """The entries selected by a mask (e,)."""
-    return Entries(of.node[which], of.axis[which], of.value[which], of.profile[which], of.kind[which])
+    profile, kind, condition = of.profile[which], of.kind[which], of.condition[which]
+    return Entries(of.node[which], of.axis[which], of.value[which], profile, kind, condition)
 
 
 def drive_of(
@@ -272,16 +319,18 @@ def drive_of(
     holds: Sequence[Entries],
     shape: tuple[int, int],
     kind: type[np.floating] = np.float64,
+    histories: Histories | None = None,
 ) -> Drive:
     """Conditions on components (n, w) of this `shape`, with the body forces of time 0.
 
     An empty profile is 1 at all times. If two holds prescribe one component, the later one counts.
     """
-    points = [profile or ((0.0, 1.0),) for profile in profiles]
+    points, histories = [profile or ((0.0, 1.0),) for profile in profiles], histories or Histories()
+    counts = np.concatenate([[0], [len(amplitude) for amplitude in points], *histories.count])
     table = Profiles(
-        np.cumsum([0, *(len(amplitude) for amplitude in points)]),
-        np.array([time for amplitude in points for time, _ in amplitude], dtype=float),
-        np.array([factor for amplitude in points for _, factor in amplitude], dtype=float),
+        np.cumsum(counts, dtype=np.int64),
+        np.concatenate([np.array([time for amplitude in points for time, _ in amplitude]), *histories.time]),
+        np.concatenate([np.array([factor for amplitude in points for _, factor in amplitude]), *histories.value]),
     )
     nothing = entries(np.zeros(0, dtype=np.int64), 0, 0.0, 0)
     all_loads, prescribed = (
@@ -292,7 +341,7 @@ def drive_of(
     last[prescribed.node, prescribed.axis] = number
     prescribed = chosen(prescribed, last[prescribed.node, prescribed.axis] == number)
     force, before = (np.zeros(shape, dtype=kind) for _ in range(2))  # of which most is never touched
-    varies = any(len(amplitude) > 1 for amplitude in points)
+    varies = bool((counts > 1).any())
     result = Drive(table, all_loads, prescribed, varies, force, before, *np.zeros((2, len(prescribed.node))))
     for array in (force, before):
         _add_loads(result, 0.0, array)
@@ -349,41 +398,46 @@ def is_corrected(model: Model) -> bool:
 
 def _body_force(
     load: Load,
+    vectors: NDArray[np.float64],
     rows: NDArray[np.int64],
     model: Model,
     areas: Areas,
     total: Callable[[NDArray[np.float64]], float],
     exact_total: bool,
 ) -> NDArray[np.float64]:
-    """Body force (rows, d), N/m^3, of a load at factor 1; `total` adds up areas."""
+    """Body force (rows, d), N/m^3, of a load with these `vectors` (rows, d), or pressures (rows, 1); `total` adds up
+    areas."""
     if load.body_force is not None:
-        return model.vectors(load.body_force, rows)
+        return vectors
     if load.force is not None:
-        return np.tile(np.array(load.force) / total(areas[rows]), (len(rows), 1))
+        return vectors / total(areas[rows])
     if load.pressure is not None:
-        part = model.grid.part(rows)
-        return pressure_forces(load, part.position, part.ids) / areas[rows][:, None]
+        return pressure_forces(load, vectors[:, 0], model.grid.part(rows).ids) / areas[rows][:, None]
     extent = load.length if model.grid.dimension == 2 else load.surface
     if exact_total and extent is not None:
         shares = shares_of(load, model.grid.ids[rows]) if load.shares is not None else np.ones(len(rows))
         spread = shares * (extent / total(areas[rows] * shares))
     else:
         spread = 1 / (load.rows * model.grid.delta[rows])
-    assert load.traction is not None
-    return np.asarray(spread[:, None] * model.vectors(load.traction, rows))
+    return np.asarray(spread[:, None] * vectors)
 
 
 @njit
 def factor_at(profiles, p, time):  # type: ignore[no-untyped-def]
     """Factor of profile p at `time`, s: linear between points, constant outside."""
-    first, last = profiles.start[p], profiles.start[p + 1] - 1
-    if time <= profiles.time[first]:
-        return profiles.factor[first]
-    for k in range(first, last):
-        t0, t1 = profiles.time[k], profiles.time[k + 1]
-        if time < t1:
-            return profiles.factor[k] + (profiles.factor[k + 1] - profiles.factor[k]) * (time - t0) / (t1 - t0)
-    return profiles.factor[last]
+    k, after = profiles.start[p], profiles.start[p + 1] - 1
+    if time <= profiles.time[k]:
+        return profiles.factor[k]
+    if time >= profiles.time[after]:
+        return profiles.factor[after]
+    while after > k + 1:
+        middle = (k + after) // 2
+        if time < profiles.time[middle]:
+            after = middle
+        else:
+            k = middle
+    t0, t1 = profiles.time[k], profiles.time[after]
+    return profiles.factor[k] + (profiles.factor[after] - profiles.factor[k]) * (time - t0) / (t1 - t0)
 
 
 factor_now = getattr(factor_at, "py_func", factor_at)  # for Python, which asks seldom: compiling it would take longer
@@ -391,7 +445,22 @@ factor_now = getattr(factor_at, "py_func", factor_at)  # for Python, which asks 
 
 def factors_at(profiles: Profiles, time: float) -> NDArray[np.float64]:
     """The factors of all profiles at `time`, s."""
-    return np.array([factor_now(profiles, number, time) for number in range(len(profiles.start) - 1)])
+    first, last = profiles.start[:-1], profiles.start[1:] - 1
+    k = first + np.add.reduceat(profiles.time <= time, first, dtype=np.int64) - 1
+    inside = (k >= first) & (k < last)
+    factor = profiles.factor[np.clip(k, first, last)]
+    k = k[inside]
+    t0, t1 = profiles.time[k], profiles.time[k + 1]
+    factor[inside] += (profiles.factor[k + 1] - profiles.factor[k]) * (time - t0) / (t1 - t0)
+    return factor
+
+
+def parts_of_loads(drive: Drive, time: float) -> NDArray[np.float64]:
+    """What entries of loads (e,) are at `time`, s, over the factor of their condition's profile."""
+    loads, amount = drive.loads, drive.loads.value.copy()
+    own = loads.profile != loads.condition
+    amount[own] *= factors_at(drive.profiles, time)[loads.profile[own]]
+    return amount
 
 
 def factors(condition: Condition, times: Sequence[float]) -> list[float]:

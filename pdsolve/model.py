@@ -271,11 +271,14 @@ class Model:
         bodies = self.grid.bodies
         return self.finest_horizons[np.zeros_like(rows) if bodies is None else bodies.number[rows]]
 
-    def values(self, value: Value, rows: NDArray[np.int64]) -> NDArray[np.float64] | float:
-        """A value of a condition on these rows (k,) of the grid: one number, or (k,) if it depends on the place."""
+    def values(self, value: Value, rows: NDArray[np.int64], time: float | None = None) -> NDArray[np.float64] | float:
+        """A value of a condition on these rows (k,) of the grid: one number, or (k,) if it depends on the place.
+
+        That of data over time is at a `time`, s, or when the largest of it acts.
+        """
         if isinstance(value, float | int):
             return value
-        return values_at(value, self.grid.part(rows).position)
+        return values_at(value, self.grid.part(rows).position, time)
 
     def vectors(self, vector: Sequence[Value], rows: NDArray[np.int64]) -> NDArray[np.float64]:
         """A vector of a condition on these rows: (k, d)."""

@@ -16,7 +16,8 @@ from pdmesh.model.values_at_places import values_at, vectors_at
 
 
 class Resultant(NamedTuple):
-    """What a load adds up to where its profile is 1: N and N m, in a plate per metre of thickness."""
+    """What a load adds up to where its profile is 1, or its data is largest: N and N m, in a plate per metre of
+    thickness."""
 
     name: str
     force: NDArray[np.float64]  # (d,)
@@ -45,7 +46,7 @@ def nodal_forces(load: Load, grid: Grid, rows: NDArray[np.int64]) -> NDArray[np.
     if load.force is not None:
         return np.asarray((size / size.sum())[:, None] * np.array(load.force))
     if load.pressure is not None:
-        return pressure_forces(load, grid.position[rows], grid.ids[rows])
+        return pressure_forces(load, values_at(load.pressure, grid.position[rows]), grid.ids[rows])
     extent = load.length or load.surface
     if load.shares is not None:
         size = size * shares_of(load, grid.ids[rows])
@@ -61,12 +62,11 @@ def shares_of(load: Load, ids: NDArray[np.int64]) -> NDArray[np.float64]:
     return np.array(load.shares)[_places_in_list(load, ids)]
 
 
-def pressure_forces(load: Load, position: NDArray[np.float64], ids: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Force of a pressure where faces have not moved: (k, d), N in space, N/m in a plate, on nodes of the load at
-    `position` (k, d) with these `ids` (k,)."""
-    assert load.pressure is not None
+def pressure_forces(load: Load, pressure: NDArray[np.float64], ids: NDArray[np.int64]) -> NDArray[np.float64]:
+    """Force of pressures (k,), Pa, where faces have not moved: (k, d), N in space, N/m in a plate, on nodes of the load
+    with these `ids` (k,)."""
     areas = np.array(load.area_vectors)[_places_in_list(load, ids)]
-    return np.asarray(-values_at(load.pressure, position)[:, None] * areas)
+    return np.asarray(-pressure[:, None] * areas)
 
 
 def _places_in_list(load: Load, ids: NDArray[np.int64]) -> NDArray[np.int64]:

@@ -39,6 +39,7 @@ from pdmesh.model.materials.kind import softens
 from pdmesh.model.materials.solids import SOLIDS
 from pdmesh.model.mechanical_conditions import Contact, Grip, RigidBody
 from pdmesh.model.unused_settings import USUAL, value_of, word
+from pdmesh.model.values_of_place import is_over_time, named, varying
 
 DEFAULTS = msgspec.structs.replace(USUAL, contact=Contact())  # as everything is that is left out
 Occurrences = Iterator[tuple[str, str]]  # places and values there
@@ -116,6 +117,14 @@ def conditions(*kinds: type, key: str = "") -> Recognise:
                 yield f"$.conditions[{number}]{key and f'.{key}'}", text
 
     return occurrences
+
+
+def data_over_time(case: Case) -> Occurrences:
+    """Values of conditions that are tables with times."""
+    for number, condition in enumerate(case.settings.conditions):
+        for name, at, value in varying(condition):
+            if is_over_time(value):
+                yield f"$.conditions[{number}].{named(name, at)}", "a table with times"
 
 
 def materials(key: str, which: Callable[[Material], bool]) -> Recognise:
@@ -212,6 +221,7 @@ START = Feature("a static start", setting("run.start"), "unloaded", ", as run.st
 FATIGUE = Feature("fatigue", both(present("run.fatigue"), AT_REST), why=" in fatigue analysis")
 BOND_FATIGUE = Feature("fatigue of bonds", both(FATIGUE.occurrences, BREAKING), why=" in fatigue analysis")
 PROFILE = Feature("profiles of loads", conditions(Condition, key="profile"))
+DATA = Feature("data over time", data_over_time, "a value and a profile")
 DAMPING = Feature("damping", setting("run.damping"))
 STIFFNESS_DAMPING = Feature(
     "damping by stiffness", setting("run.damping_time"), "0, or run.damping", ", as run.damping_time is {}"
@@ -360,15 +370,18 @@ TABLE: tuple[Exclusion, ...] = (
     *excluded(STATIC, BEAMS, use=f"{OTHERS}, or law 'cohesive'", because=ROTATIONS),
     *excluded(PARTICLES_AT_REST, MICROPOLAR, use=OTHERS, because=ROTATIONS),
     *excluded(RELAXATION, FLOATING, because=UNHELD),
+    *excluded(PATH, DATA, because=" (loads follow from what bonds dissipate)"),
     *excluded(PATH, RELAXATION, FLOATING, ARC_STEPS, THESIS),
     *excluded(AFTER, CONTACT),
-    *excluded(CRACK_STEPS, FATIGUE, AFTER, HEAT, RATE),
-    *excluded(ARC_STEPS, FATIGUE, RELAXATION, FLOATING, CONTACT, HEAT),
+    *excluded(CRACK_STEPS, FATIGUE, AFTER, HEAT, RATE, DATA),
+    *excluded(ARC_STEPS, DATA, FATIGUE, RELAXATION, FLOATING, CONTACT, HEAT),
     *excluded(FATIGUE, FLOATING, COUNT, HEAT, LAW),
     *excluded(FATIGUE, PROFILE, because=" (the loads of the model are the maximum loads of a cycle)"),
+    *excluded(FATIGUE, DATA, because=" (the loads of the model are the maximum loads of a cycle)"),
     *excluded(BOND_FATIGUE, STATE_BASED, THESIS),
     *excluded(ADAPTIVE, NODE_FIELDS, use="regions (or --adapt none: coarse cells have one material)"),
     *excluded(ADAPTIVE, INTERFACES, use="none (or --adapt none: coarse cells do not weaken along a line)"),
+    *excluded(ADAPTIVE, DATA, because=" (coarse cells do not have the motion of each node)"),
     *excluded(ADAPTIVE, NOISE, AREA_RULE, STATIC, START, COARSE, PINS),
     *excluded(SPLIT, ACCELERATION, SPIN, DISPLACED, SPRINGS),
     *excluded(BONDS_COLLOCATED, ACCELERATION, SPIN, DISPLACED, SPRINGS),

@@ -29,11 +29,21 @@ from pdmesh.model.interfaces import wrong_interface
 from pdmesh.model.mechanical_conditions import wrong_spin, wrong_spring
 from pdmesh.model.node_arrays import Grid
 from pdmesh.model.values_at_places import values_at
-from pdmesh.model.values_of_place import PlaceError, Value, is_of_place, named, varying, wrong_value
+from pdmesh.model.values_of_place import (
+    PlaceError,
+    Value,
+    end_of_data,
+    is_of_place,
+    is_over_time,
+    named,
+    varying,
+    wrong_value,
+)
 
 WHOLES = {2: "a plate", 3: "a body in space"}
 LOADS = ("body_force", "traction", "force", "pressure")
 PRESCRIBED = (Displacement, Velocity, Acceleration)
+SAME_TIME = 1e-9  # of the end of a run
 
 
 def components(
@@ -77,6 +87,7 @@ def check(settings: Settings, grid: Grid, name: str) -> None:
         _check_condition(condition, place)
         _check_components(condition, grid.dimension, place)
         _check_values(condition, grid, place)
+    _check_data_times(settings, name)
     twice = two_motions(settings.conditions, lambda condition: grid.chosen(condition.nodes, condition.box))
     if twice is not None:
         number, axis, earlier_number, row = twice
@@ -191,6 +202,8 @@ def _check_values(condition: AnyCondition, grid: Grid, place: str) -> None:
     """Raise GridError for an expression or a table that has no finite value at one of the condition's nodes."""
     for name, at, value in varying(condition):
         wrong = wrong_value(value, grid.dimension)
+        if is_over_time(value) and (not isinstance(condition, (Load, *PRESCRIBED)) or condition.profile):
+            wrong = wrong or "a table has times here; use one value at a place, and for loads and motions no profile"
         if wrong is None:
             try:
                 values_at(value, grid.part(grid.chosen(condition.nodes, condition.box)).position)
@@ -198,6 +211,27 @@ def _check_values(condition: AnyCondition, grid: Grid, place: str) -> None:
                 wrong = str(error)
         if wrong is not None:
             raise GridError(f"{place}.{named(name, at)}: {wrong}")
+
+
+def _check_data_times(settings: Settings, name: str) -> None:
+    """Raise GridError for data over time that ends before the run, if its duration is given."""
+    run = settings.run
+    if run.duration is not None and run.solver != "static":
+        wrong = data_too_short(settings.conditions, run.duration)
+        if wrong is not None:
+            raise GridError(f"{name}: {wrong}")
+
+
+def data_too_short(conditions: Sequence[AnyCondition], end: float) -> str | None:
+    """What is wrong with data over time that ends before a run does at `end`, s; None if none does."""
+    for number, condition in enumerate(conditions):
+        last = end_of_data(condition)
+        if last is not None and last < end * (1 - SAME_TIME):
+            return (
+                f"$.conditions[{number}]: its data end at {last:g} s, before the run at {end:g} s; use data over the"
+                " whole run, or a shorter run"
+            )
+    return None
 
 
 def two_motions(

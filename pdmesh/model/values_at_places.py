@@ -1,8 +1,8 @@
 """Values of expressions and tables at places, and tables in files beside a model: CSV and .npy, which come from anyone.
 
 A CSV file has one row for each place. With a header, the columns `x`, `y` and `z` are coordinates, m, of which some may
-be left out, and ``FILE.csv:COLUMN`` names that of the values where there are several. Without one, the coordinates of
-the model come first and the values last, as in a .npy array.
+be left out, and ``FILE.csv:COLUMN`` names that of the values where there are several. A column `t`, s, gives each place
+a row at each time. Without a header, the coordinates of the model come first and the values last, as in a .npy array.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from pdmesh.model.values_of_place import (
     LARGEST,
     LEAST,
     OPERATORS,
+    TIME,
     PlaceError,
     Table,
     Value,
@@ -60,10 +61,17 @@ WORD = re.compile(r"\s*[\"']?(\w*)")
 C = TypeVar("C", bound=msgspec.Struct)
 
 
-def values_at(value: Value, position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The values (k,) at places (k, d), m. Raises PlaceError for one that is not a finite number."""
+def values_at(value: Value, position: NDArray[np.float64], time: float | None = None) -> NDArray[np.float64]:
+    """The values (k,) at places (k, d), m. Raises PlaceError for one that is not a finite number.
+
+    Those of a table with times are at a `time`, s, or when the largest of them acts.
+    """
     if isinstance(value, Table):
-        values = _interpolated(value, position)
+        if value.times and time is not None:
+            values = values_at_times(value, position, np.array([time]))[:, 0]
+        else:
+            histories = histories_at(value, position)
+            values = histories[:, np.abs(histories).max(axis=0, initial=0.0).argmax()].copy()
     elif isinstance(value, str):
         with np.errstate(all="ignore"):
             terms = {**dict(zip(AXES, position.T, strict=False)), "pi": np.float64(np.pi)}
@@ -80,11 +88,38 @@ def values_at(value: Value, position: NDArray[np.float64]) -> NDArray[np.float64
     return values
 
 
-def vectors_at(vector: Sequence[Value], position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The vectors (k, d) at places (k, d), m. Raises PlaceError."""
+def vectors_at(
+    vector: Sequence[Value], position: NDArray[np.float64], time: float | None = None
+) -> NDArray[np.float64]:
+    """The vectors (k, d) at places (k, d), m, as `values_at` has them. Raises PlaceError."""
     if not any(map(is_of_place, vector)):
         return np.tile(np.array(vector, dtype=float), (len(position), 1))
-    return np.column_stack([values_at(value, position) for value in vector])
+    return np.column_stack([values_at(value, position, time) for value in vector])
+
+
+def over_time(
+    vector: Sequence[Value], position: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The times (t,), s, of tables in a vector, and the vectors (t, k, d) then at places (k, d), m. Raises
+    PlaceError."""
+    times = np.unique(np.concatenate([value.times for value in vector if isinstance(value, Table) and value.times]))
+    columns = []
+    for value in vector:
+        if isinstance(value, Table) and value.times:
+            columns.append(values_at_times(value, position, times))
+        else:
+            columns.append(np.repeat(values_at(value, position)[:, None], len(times), axis=1))
+    return times, np.array(columns).transpose(2, 1, 0)
+
+
+def values_at_times(table: Table, position: NDArray[np.float64], times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (k, t) of a table with times at places (k, d), m, and these times (t,), s."""
+    own, histories = np.array(table.times), histories_at(table, position)
+    if len(own) == 1:
+        return np.repeat(histories, len(times), axis=1)
+    after = np.clip(np.searchsorted(own, times), 1, len(own) - 1)
+    share = np.clip((times - own[after - 1]) / (own[after] - own[after - 1]), 0.0, 1.0)
+    return np.asarray((1 - share) * histories[:, after - 1] + share * histories[:, after])
 
 
 def largest(value: Value | None, position: NDArray[np.float64]) -> float:
@@ -118,11 +153,13 @@ def _evaluated(part: ast.expr, terms: dict[str, Any]) -> Any:
     raise PlaceError(f"an expression has {type(part).__name__}; use numbers, places and functions")
 
 
-def _interpolated(table: Table, position: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Values (k,) of a table at places (k, d). Raises PlaceError for a place outside of the table."""
+def histories_at(table: Table, position: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values (k, times) of a table at places (k, d); (k, 1) without times. Raises PlaceError for a place outside of the
+    table."""
     axes = table.axes or AXES[: position.shape[1]]
     at = position[:, [AXES.index(axis) for axis in axes]]
-    places, values = np.array(table.places, dtype=float).reshape(-1, len(axes)), np.array(table.values, dtype=float)
+    places = np.array(table.places, dtype=float).reshape(-1, len(axes))
+    values = np.array(table.values, dtype=float).reshape(-1, len(places)).T
     extent = float(np.ptp(places, axis=0).max())
     far, nearest = tree_of(places).query(at)
     if (far <= SAME * extent).all() or len(places) == 1:
@@ -133,12 +170,14 @@ def _interpolated(table: Table, position: NDArray[np.float64]) -> NDArray[np.flo
     inside, at = (places - middle) @ ways.T, (at - middle) @ ways.T
     if len(ways) == 1:
         order = np.argsort(inside[:, 0], kind="stable")
-        interpolated = np.interp(at[:, 0], inside[order, 0], values[order], left=np.nan, right=np.nan)
+        along = inside[order, 0]
+        columns = [np.interp(at[:, 0], along, column[order], left=np.nan, right=np.nan) for column in values.T]
+        interpolated = np.column_stack(columns)
     else:
         from scipy.interpolate import LinearNDInterpolator  # slow to import, and few models need it
 
         interpolated = LinearNDInterpolator(inside, values)(at)
-    outside = np.flatnonzero(np.isnan(interpolated))
+    outside = np.flatnonzero(np.isnan(interpolated).any(axis=1))
     if len(outside):
         far, nearest = tree_of(inside).query(at[outside])
         if far.max() > BEYOND * extent:
@@ -193,17 +232,46 @@ def read_table(words: str, folder: Path, dimension: int) -> Table:
     if len(header) != rows.shape[1] or len(set(header)) != len(header):
         raise PlaceError(f"{name} has {rows.shape[1]} columns; use {len(header)}, {', '.join(header)}, each once")
     axes = "".join(axis for axis in AXES if axis in header)
-    value_names = [word for word in header if word not in AXES]
-    if not axes or not (column in value_names if column else len(value_names) == 1):
+    value_names = [word for word in header if word not in (*AXES, TIME)]
+    if not (axes or TIME in header) or not (column in value_names if column else len(value_names) == 1):
         expected = f"{column} and " if column else "one column of values (or FILE.csv:COLUMN) and "
-        raise PlaceError(f"{name} has the columns {', '.join(header):.80}; use {expected}x, y or z")
-    places = rows[:, [header.index(axis) for axis in axes]]
+        raise PlaceError(f"{name} has the columns {', '.join(header):.80}; use {expected}x, y, z or t")
+    places = rows[:, [header.index(axis) for axis in axes]] if axes else np.zeros((len(rows), 1))
     column_values = rows[:, header.index(column or value_names[0])]
-    table = Table(tuple(map(tuple, places.tolist())), tuple(column_values.tolist()), axes)
+    if TIME in header:
+        table = table_over_time(rows[:, header.index(TIME)], places, column_values, axes or AXES[0], name)
+    else:
+        table = Table(tuple(map(tuple, places.tolist())), tuple(column_values.tolist()), axes)
     wrong = wrong_value(table, dimension)
     if wrong is not None:
         raise PlaceError(f"{name}: {wrong}")
     return table
+
+
+def table_over_time(
+    times: NDArray[np.float64], places: NDArray[np.float64], values: NDArray[np.float64], axes: str, name: str
+) -> Table:
+    """The table of rows (r,) with a time, s, a place (r, axes), m, and a value; each place is there at each time.
+
+    Raises PlaceError, beginning with the `name` of the file.
+    """
+    moments, at_time = np.unique(times, return_inverse=True)
+    _, first, at_place = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    at_place = at_place.ravel()  # numpy 2.0 gives it other axes
+    rows = np.bincount(at_time * len(first) + at_place, minlength=len(moments) * len(first))
+    wrong = np.flatnonzero(rows != 1)
+    if len(wrong):
+        moment, number = divmod(int(wrong[0]), len(first))
+        place = ", ".join(f"{coordinate:g}" for coordinate in places[first[number]])
+        raise PlaceError(
+            f"{name} has {rows[wrong[0]]} rows of the place ({place}) m at t = {moments[moment]:g} s; use one of each"
+            " place at each time"
+        )
+    values_in_order = np.empty(len(values))
+    values_in_order[at_time * len(first) + at_place] = values
+    return Table(
+        tuple(map(tuple, places[first].tolist())), tuple(values_in_order.tolist()), axes, tuple(moments.tolist())
+    )
 
 
 def array_of_nodes(name: str, folder: Path) -> NDArray[np.float64] | None:

@@ -12,11 +12,13 @@ import ast
 import operator
 from collections.abc import Callable, Iterator
 from functools import lru_cache
+from itertools import pairwise
 from typing import Annotated, Any
 
 import msgspec
 
 AXES = "xyz"
+TIME = "t"  # the column of times, s, in a file
 LONGEST = 1000  # letters of an expression
 MOST_PARTS = 500  # of its syntax tree
 FILES = (".csv", ".npy")  # ends of names of tables; see `values_at_places`
@@ -45,15 +47,20 @@ OPERATORS: dict[type, Callable[..., Any]] = {
 
 
 class Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True, omit_defaults=True):
-    """Values at places: linear between them, constant in directions in which the places do not extend."""
+    """Values at places: linear between them, constant in directions in which the places do not extend.
+
+    With `times` they are linear in time too, and cover the run. Values of all places at the first time come first.
+    """
 
     places: tuple[tuple[float, ...], ...]  # (k, axes) m
-    values: tuple[float, ...]  # (k,)
+    values: tuple[float, ...]  # (k,), with times (times k,)
     axes: Annotated[str, msgspec.Meta(pattern="^x?y?z?$", min_length=1)] | None = None  # of places; None: all
+    times: tuple[float, ...] = ()  # s, increasing
 
     def __repr__(self) -> str:
         """The table in a few words."""
-        return f"table of {len(self.places)} places, {min(self.values):.6g} to {max(self.values):.6g}"
+        times = f" and {len(self.times)} times" if self.times else ""
+        return f"table of {len(self.places)} places{times}, {min(self.values):.6g} to {max(self.values):.6g}"
 
 
 Expression = Annotated[str, msgspec.Meta(min_length=1, max_length=LONGEST)]
@@ -69,6 +76,17 @@ class PlaceError(ValueError):
 def is_of_place(value: Value | None) -> bool:
     """Whether a value depends on the place."""
     return isinstance(value, str | Table)
+
+
+def is_over_time(value: Value | None) -> bool:
+    """Whether a value is a table with times."""
+    return isinstance(value, Table) and bool(value.times)
+
+
+def end_of_data(condition: msgspec.Struct) -> float | None:
+    """The time, s, at which the first of a condition's tables with times ends; None without one."""
+    ends = [value.times[-1] for _, _, value in varying(condition) if isinstance(value, Table) and value.times]
+    return min(ends, default=None)
 
 
 def varying(condition: msgspec.Struct) -> Iterator[tuple[str, int | None, str | Table]]:
@@ -103,17 +121,7 @@ def wrong_value(value: str | Table, dimension: int) -> str | None:
     """What is wrong with an expression or a table in a plate (2) or in space (3); None if nothing is."""
     try:
         if isinstance(value, Table):
-            axes = value.axes or AXES[:dimension]
-            if not set(axes) <= set(AXES[:dimension]):
-                raise PlaceError(f"a table goes along {axes}; use {', '.join(AXES[:dimension])} in a plate")
-            if not value.places or len(value.places) != len(value.values):
-                raise PlaceError(
-                    f"a table has {len(value.places)} places and {len(value.values)} values; use as many of each"
-                )
-            if any(len(place) != len(axes) for place in value.places):
-                raise PlaceError(f"places in a table have another number of coordinates; use {', '.join(axes)}")
-            if not all(abs(number) <= LARGEST for numbers in (*value.places, value.values) for number in numbers):
-                raise PlaceError(f"numbers in a table are not finite; use at most {LARGEST:g}")
+            _check_table(value, dimension)
         elif is_file(value):
             return f"the file '{value:.80}' was not read; give its values or an expression"
         else:
@@ -124,6 +132,29 @@ def wrong_value(value: str | Table, dimension: int) -> str | None:
     except PlaceError as error:
         return str(error)
     return None
+
+
+def _check_table(table: Table, dimension: int) -> None:
+    """Raise PlaceError for a table that a plate (2) or a body in space (3) cannot have."""
+    axes, times = table.axes or AXES[:dimension], table.times
+    count = len(table.places) * (len(times) or 1)
+    if not set(axes) <= set(AXES[:dimension]):
+        raise PlaceError(f"a table goes along {axes}; use {', '.join(AXES[:dimension])} in a plate")
+    if not count or count != len(table.values):
+        at_times = f", {len(times)} times" if times else ""
+        raise PlaceError(
+            f"a table has {len(table.places)} places{at_times} and {len(table.values)} values; use"
+            f" {count or 'as many of each'}"
+        )
+    if any(len(place) != len(axes) for place in table.places):
+        raise PlaceError(f"places in a table have another number of coordinates; use {', '.join(axes)}")
+    if not all(abs(number) <= LARGEST for numbers in (*table.places, table.values, times) for number in numbers):
+        raise PlaceError(f"numbers in a table are not finite; use at most {LARGEST:g}")
+    if any(not before < after for before, after in pairwise(times)) or (times and times[0] > 0):
+        raise PlaceError(
+            f"the times of a table go from {times[0]:g} to {times[-1]:g} s; use times that increase and begin at 0 or"
+            " before"
+        )
 
 
 @lru_cache(64)

@@ -53,9 +53,9 @@ def symbols(axes: Axes, condition: AnyCondition, grid: Grid, rows: NDArray[np.in
         return
     # a value that is the same everywhere has arrows of one length, however large the cells are that it acts on
     if condition.pressure is not None:
-        force = pressure_forces(condition, grid.position[sample_rows], grid.ids[sample_rows])
-        value_there = np.abs(values_at(condition.pressure, grid.position[sample_rows]))
-        pull = force * (value_there / np.maximum(np.hypot(*force.T), 1e-300))[:, None]
+        pressure = values_at(condition.pressure, grid.position[sample_rows])
+        force = pressure_forces(condition, pressure, grid.ids[sample_rows])
+        pull = force * (np.abs(pressure) / np.maximum(np.hypot(*force.T), 1e-300))[:, None]
     else:
         value = condition.traction or condition.body_force or condition.force
         assert value is not None

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.values_of_place import AXES, LARGEST, LEAST, Table, Value, is_file, replaced
+from pdmesh.model.values_of_place import AXES, LARGEST, LEAST, Table, Value, is_file, replaced, wrong_value
 from pdmesh.scene.shapes import SceneError
 
 ValueOfPlace = Value | Callable[..., Any]  # of a component: f(x, y) or f(x, y, z), m, gives a number
@@ -24,6 +25,31 @@ class Function(NamedTuple):
     number: int | None  # within it, of a vector
     value: Callable[..., Any]
     component: int | None  # of what it returns; None: all
+
+
+@dataclass(frozen=True)
+class OverTime:
+    """A function of place and time: f(x, y, t), or in space f(x, y, z, t), m and s, sampled at `times`."""
+
+    function: Callable[..., Any]
+    times: tuple[float, ...]  # s, which cover the run
+
+    def __call__(self, *at: float) -> Any:
+        """The value at a place and a time."""
+        return self.function(*at)
+
+
+def over_time(function: Callable[..., Any], times: Sequence[float]) -> OverTime:
+    """A value of a condition that is a function of place and time.
+
+    Parameters
+    ----------
+    function
+        f(x, y, t), in space f(x, y, z, t), m and s: one value, or all components.
+    times
+        When it is sampled, s, increasing, from 0 to the end of the run. Values are linear between them.
+    """
+    return OverTime(function, tuple(float(time) for time in times))
 
 
 class Component(NamedTuple):
@@ -58,23 +84,31 @@ def sampled(condition: C, functions: Sequence[Function], position: NDArray[np.fl
     """The condition with tables of its functions at the places (k, d) of its nodes, m. Raises SceneError."""
     places = tuple(map(tuple, position.tolist()))
     for function in functions:
-        values = []
-        for at in places:
-            try:
-                output = function.value(*at)
-                value = float(output if function.component is None else output[function.component])
-            except Exception as error:  # a user's program may raise anything
-                where = ", ".join(f"{number:g}" for number in at)
-                raise SceneError(
-                    f"{place}: {function.name}: the function raises {type(error).__name__} at ({where}) m ({error});"
-                    f" return a number for each place ({', '.join(AXES[: len(at)])})"
-                ) from None
-            if not abs(value) <= LARGEST:
-                where = ", ".join(f"{number:g}" for number in at)
-                raise SceneError(f"{place}: {function.name} is {value:g} at ({where}) m; use finite numbers")
-            values.append(value if abs(value) >= LEAST else 0.0)
-        condition = replaced(condition, function.name, function.number, Table(places, tuple(values)))
+        times = function.value.times if isinstance(function.value, OverTime) else ()
+        moments: list[tuple[float, ...]] = [(time,) for time in times] or [()]
+        values = [_value(function, (*at, *time), place) for time in moments for at in places]
+        table = Table(places, tuple(values), None, times)
+        wrong = wrong_value(table, position.shape[1]) if times else None
+        if wrong is not None:
+            raise SceneError(f"{place}: {function.name}: {wrong}")
+        condition = replaced(condition, function.name, function.number, table)
     return condition
+
+
+def _value(function: Function, at: tuple[float, ...], place: str) -> float:
+    """The value of a function at a place, and a time if it is one of time. Raises SceneError."""
+    where = ", ".join(f"{number:g}" for number in at)
+    try:
+        output = function.value(*at)
+        value = float(output if function.component is None else output[function.component])
+    except Exception as error:  # a user's program may raise anything
+        raise SceneError(
+            f"{place}: {function.name}: the function raises {type(error).__name__} at ({where}) m ({error});"
+            f" return a number for each place ({', '.join(AXES[: len(at)])})"
+        ) from None
+    if not abs(value) <= LARGEST:
+        raise SceneError(f"{place}: {function.name} is {value:g} at ({where}) m; use finite numbers")
+    return value if abs(value) >= LEAST else 0.0
 
 
 def divided(value: ValueOfPlace, by: float) -> ValueOfPlace:

@@ -48,8 +48,8 @@ def loaded_faces_at(results: Results, step: int) -> LoadedFaces | None:
         rows = np.flatnonzero(selected(nodes, load.nodes, load.box))
         faces = pieces_of(load.faces or (), nodes.position[rows], nodes.delta[rows], nodes.area[rows])
         corners, moved = faces.corners, faces.weights @ displacement[rows]
-        points = np.array(load.profile or ((0.0, 1.0),))
-        pressure = np.interp(time, *points.T) * values_at(load.pressure or 0.0, corners[faces.pieces].mean(axis=1))
+        points, middles = np.array(load.profile or ((0.0, 1.0),)), corners[faces.pieces].mean(axis=1)
+        pressure = np.interp(time, *points.T) * values_at(load.pressure or 0.0, middles, time)
         outward, at_rim = area_vectors(corners, faces.pieces), rim_of(faces)[faces.pieces]
         force = -pressure[:, None] * outward
         parts.append(LoadedFaces(corners[faces.pieces], moved[faces.pieces], force, outward, at_rim))

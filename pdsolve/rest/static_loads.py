@@ -9,8 +9,9 @@ import numpy as np
 
 from pdmesh.model.document import ARC, CRACK, Condition, Displacement, Load
 from pdmesh.model.materials.kind import softens
-from pdmesh.model.selection import components, given_of
-from pdmesh.model.values_of_place import is_of_place
+from pdmesh.model.selection import components, data_too_short, given_of
+from pdmesh.model.values_at_places import values_at_times
+from pdmesh.model.values_of_place import Table, end_of_data, is_of_place
 from pdsolve.conditions import conditions_of, factors
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.operators.softening_shear import bonds_soften
@@ -41,8 +42,13 @@ def model_with_load_steps(model: Model) -> Model:
         _refuse_unsolvable_conditions(stepped_model, [1.0])
         return stepped_model
     profiles = [condition.profile for _, condition in conditions_of(model.settings, Condition)]
-    end = max((time for profile in profiles for time, _ in profile), default=0.0)
-    varies = end > 0 and any(len(profile) > 1 for profile in profiles)
+    data_ends = [end_of_data(condition) for _, condition in conditions_of(model.settings, Condition)]
+    ends = [time for time in data_ends if time is not None]
+    end = max((*ends, *(time for profile in profiles for time, _ in profile)), default=0.0)
+    varies = end > 0 and (bool(ends) or any(len(profile) > 1 for profile in profiles))
+    wrong = data_too_short(model.settings.conditions, end)
+    if wrong is not None:
+        raise ModelError(f"{model.name}: {wrong}")
     steps = run.static.load_steps or (STEPS if varies else 1)
     if not varies and steps > 1:
         raise ModelError(
@@ -131,10 +137,12 @@ def _refuse_unsolvable_conditions(model: Model, times: list[float], load_is_need
             if value is None:
                 continue
             rows = model.selected(condition)
-            every, at_times = np.broadcast_to(model.values(value, rows), len(rows)).tolist(), factors(condition, times)
-            loads |= any(every) and any(at_times)
-            for row, row_value in zip(rows.tolist(), every, strict=True):
-                way = [row_value * factor for factor in at_times]
+            if isinstance(value, Table) and value.times:
+                ways = values_at_times(value, model.grid.part(rows).position, np.array(times))
+            else:
+                ways = np.outer(np.broadcast_to(model.values(value, rows), len(rows)), factors(condition, times))
+            loads |= bool(ways.any())
+            for row, way in zip(rows.tolist(), ways.tolist(), strict=True):
                 earlier_number, before = holds.setdefault((row, axis), (number, way))
                 if before != way:
                     raise ModelError(

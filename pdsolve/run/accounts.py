@@ -364,7 +364,7 @@ def sum_condition_forces(team: Team, step: int, time: float) -> list[ConditionFo
     of = subdomain.force_conditions, subdomain.system, subdomain.state
     if not subdomain.force_conditions:
         return []
-    sums = add_condition_forces(*of, None if team.rank == 0 else team.received(team.rank - 1, PASSED))
+    sums = add_condition_forces(*of, step, None if team.rank == 0 else team.received(team.rank - 1, PASSED))
     if team.rank < team.size - 1:
         team.comm.send(sums, team.rank + 1, PASSED)
         return []

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pdmesh.model.document import Pin, RigidBody, Selection, Spring
 from pdmesh.model.neighbours import lengths
 from pdmesh.model.output_fields import USUAL, usual
-from pdsolve.conditions import driving_conditions, factor_now
+from pdsolve.conditions import driving_conditions, factor_now, parts_of_loads
 from pdsolve.numerics.ordered_sums import Branches, branches, total
 from pdsolve.operators.ground_supports import supports_of
 from pdsolve.run.system import System
@@ -228,9 +228,14 @@ def _find_nodes_of_condition(system: System, condition: Selection) -> NDArray[np
 
 
 def add_condition_forces(
-    conditions: tuple[ForceConditionWithNodes, ...], system: System, state: State, before: ConditionForceSums | None
+    conditions: tuple[ForceConditionWithNodes, ...],
+    system: System,
+    state: State,
+    step: int,
+    before: ConditionForceSums | None,
 ) -> ConditionForceSums:
-    """The sums over the nodes of conditions, added node by node to those of the ranks `before`, None for the first."""
+    """The sums over the nodes of conditions after `step`, added node by node to those of the ranks `before`, None for
+    the first."""
     count, d = len(conditions), system.model.grid.dimension
     holding, loading = (np.zeros((count, d)), np.zeros((count, d))) if before is None else before[:2]
     if system.moving_zone_operator is not None:
@@ -241,8 +246,9 @@ def add_condition_forces(
         holds, loads = drive.holds, drive.loads
         acceleration = state.second[holds.node, holds.axis].astype(float)
         pull = area[holds.node] * (rho[holds.node] * acceleration - drive.held_force)
-        np.add.at(holding, (holds.profile, holds.axis), pull)
-        np.add.at(loading, (loads.profile, loads.axis), area[loads.node] * loads.value)
+        load_parts = parts_of_loads(drive, system.profile_time_or_load_factor(step))
+        np.add.at(holding, (holds.condition, holds.axis), pull)
+        np.add.at(loading, (loads.condition, loads.axis), area[loads.node] * load_parts)
     displacement, nodes = np.zeros((count, d)), np.zeros(count, dtype=np.int64)
     for number, grip in enumerate(conditions):
         moved = state.value[grip.node_rows, :d].astype(float)

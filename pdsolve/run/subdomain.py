@@ -173,7 +173,7 @@ def make_own_checkpoint(subdomain: Subdomain) -> dict[str, Columns]:
 def _prescribed_components_by_condition(subdomain: Subdomain) -> list[NDArray[np.int64]]:
     """The held components of each condition and axis, which are in the order of their rows."""
     holds, d = subdomain.system.drive.holds, subdomain.system.model.grid.dimension
-    of = holds.profile * d + holds.axis
+    of = holds.condition * d + holds.axis
     return [np.flatnonzero(of == number) for number in range(len(subdomain.force_conditions) * d)]
 
 

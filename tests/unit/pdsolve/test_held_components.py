@@ -23,7 +23,7 @@ def test_a_held_component_goes_on_from_where_it_was_before_the_step(
 ) -> None:
     u, v, a = (np.full((2, 2), each) for each in (U, V, A))
     held = np.zeros(1)
-    one = {"node": 1, "axis": 0, "value": value, "profile": 0, "kind": kind}
+    one = {"node": 1, "axis": 0, "value": value, "profile": 0, "kind": kind, "condition": 0}
     holds = Entries(**{name: np.array([each]) for name, each in one.items()})
     prescribe_held_u_and_v.py_func(u, v, a, holds, RAMP, held, 0, DT, 0.5)
     assert held[0] == pytest.approx(V - DT / 2 * A)  # of the half step before

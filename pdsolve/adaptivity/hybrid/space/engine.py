@@ -353,14 +353,14 @@ class BodyEngine(SwellingBody):
         which, at = np.unique(key, axis=0, return_inverse=True)
         sums = np.bincount(at.ravel(), shares, minlength=len(which)).astype(float) if len(which) else np.zeros(0)
         profile, axis, node = which.T.astype(np.int64)
-        return Entries(node, axis, sums, profile, np.zeros(len(node), dtype=np.int64))
+        return Entries(node, axis, sums, profile, np.zeros(len(node), dtype=np.int64), profile)
 
     def _create_ground_springs(self) -> tuple[GroundSprings, Entries]:
         """The springs from the nodes that move to the ground, and the same by rows of the grid, N/m."""
         every = self.full_body.ground_springs
         none = np.zeros(0, dtype=np.int64)
         if every is None or not len(every.node):
-            return GroundSprings(none, none, np.zeros(0)), Entries(none, none, np.zeros(0), none, none)
+            return GroundSprings(none, none, np.zeros(0)), Entries(none, none, np.zeros(0), none, none, none)
         springs, place = self._share_with_current_nodes(every), np.zeros(self.node_count, dtype=np.int64)
         coarse = len(self.nodes.coarse_places)
         place[self.nodes.rows[:coarse]], place[self.nodes.rows[coarse:]] = (

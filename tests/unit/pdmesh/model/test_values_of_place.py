@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pdmesh.model.values_at_places import MOST_BYTES, read_table, values_at
+from pdmesh.model.values_at_places import MOST_BYTES, over_time, read_table, values_at
 from pdmesh.model.values_of_place import PlaceError, Table, wrong_value
 
 PLACES = np.array([[0.0, 0.0], [0.5, 1.0], [1.0, 2.0]])
@@ -106,7 +106,7 @@ def test_csv_files_with_and_without_a_header(tmp_path: Path) -> None:
     ("name", "text", "said"),
     [
         ("a.csv", "y, ux, uy\n0, 1, 2\n", "the columns y, ux, uy"),
-        ("a.csv:uz", "y, ux\n0, 1\n", "uz and x, y or z"),
+        ("a.csv:uz", "y, ux\n0, 1\n", "uz and x, y, z or t"),
         ("a.csv", "ux\n0\n", "one column of values"),
         ("a.csv", "0,1\n", "2 columns"),
         ("a.csv", "0,0,1\n0,1\n", "line 2:"),
@@ -172,3 +172,37 @@ def test_npy_files_that_promise_otherwise_are_refused(tmp_path: Path, data: byte
     (tmp_path / "a.npy").write_bytes(data)
     with pytest.raises(PlaceError, match=r"^a\.npy"):
         read_table("a.npy", tmp_path, 2)
+
+
+def test_a_csv_file_with_times_is_linear_in_place_and_time(tmp_path: Path) -> None:
+    rows = [(t, x, 1 + x + 10 * t * x) for x in (0.0, 1.0) for t in (0.0, 2.0, 3.0)]
+    (tmp_path / "a.csv").write_text("t, x, u\n" + "\n".join(",".join(map(str, row)) for row in rows[::-1]))
+    table = read_table("a.csv", tmp_path, 2)
+    assert table.times == (0.0, 2.0, 3.0)
+    for time in (0.0, 1.0, 2.5, 3.0):
+        assert values_at(table, PLACES, time) == pytest.approx(1 + PLACES[:, 0] * (1 + 10 * time))
+    assert values_at(table, PLACES) == pytest.approx(1 + PLACES[:, 0] * 31)  # the largest
+    times, vectors = over_time([table, 7.0], PLACES)
+    assert times.tolist() == [0.0, 2.0, 3.0]
+    assert vectors[1] == pytest.approx(np.column_stack([1 + 21 * PLACES[:, 0], np.full(3, 7.0)]))
+
+
+def test_a_csv_file_with_times_alone_is_the_same_everywhere(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("t,u\n0,0\n1,4\n")
+    assert values_at(read_table("a.csv", tmp_path, 2), PLACES, 0.25).tolist() == [1.0, 1.0, 1.0]
+
+
+@pytest.mark.parametrize(
+    ("rows", "said"),
+    [
+        ("0,0,1\n1,0,2\n1,1,2\n", r"0 rows of the place \(1\) m at t = 0 s"),
+        ("0,0,1\n0,0,2\n", "2 rows of the place"),
+        ("0,nan,1\n", "not finite"),
+        ("0,0,nan\n1,0,1\n", "not finite"),
+        ("1,0,1\n2,0,1\n", "begin at 0"),
+    ],
+)
+def test_rows_over_time_that_are_no_table_are_refused(tmp_path: Path, rows: str, said: str) -> None:
+    (tmp_path / "a.csv").write_text("t,x,u\n" + rows)
+    with pytest.raises(PlaceError, match=f"^a.csv.*{said}"):
+        read_table("a.csv", tmp_path, 2)
