@@ -13,6 +13,7 @@ import argparse
 import hashlib
 import json
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -102,12 +103,54 @@ SHOWN = {
     "slanted_notch.py": Shown("crack"),
     "strip.py": Shown("stress"),
 }
-FURTHER = {  # pictures of other pages: their scene and the command of pdpost; those of `NEED_RENDER` need PyVista
-    "branching_block.png": ("branching_block.py", "damage --clip y=0"),
-    "disc.png": ("disc.geo", "content --time 500"),
-    "drying_mud.gif": ("drying_mud.py", "animate"),
-    "duran50_crack.png": ("duran50.geo", "crack"),
-    "screw.png": ("screw.geo", "render --field solid --level 0.5 --time 500"),
+
+
+class OwnRun(NamedTuple):
+    """A run of a scene that the gallery has not."""
+
+    name: str  # of its results
+    build: str  # options of pdmesh
+    solve: str = ""  # options of pdsolve
+
+
+class Further(NamedTuple):
+    """A picture of another page."""
+
+    scene: str
+    picture: str  # the command of pdpost, with its options, or `preview` of pdmesh
+    runs: tuple[OwnRun, ...] = ()  # what it shows, if that is not the gallery's run
+
+    @property
+    def command(self) -> str:
+        """The command that draws it, and those of its own runs."""
+        return "; ".join((self.picture, *(f"{run.build} {run.solve}".strip() for run in self.runs)))
+
+
+README_RUN = (
+    '--adapt hybrid --set "Loads/top/Traction y=18e6" --set "Loads/bottom/Traction y=-18e6"'
+    " --set Zones/fine/Spacing=5e-5 --set Zones/coarse/Spacing=1e-4"
+)
+SPACINGS = ("1", "0.5", "0.25")  # mm, of the struck plates that are compared
+FURTHER = {  # those of `NEED_RENDER` need PyVista
+    "ball_through_glass.gif": Further(
+        "ball_through_glass.py", "animate --plane z=-0.0035 --stride 2 --style savefig.dpi=70"
+    ),
+    "branching_block.png": Further("branching_block.py", "damage --clip y=0"),
+    "compare.png": Further(
+        "kalthoff_winkler_steel.py",
+        f'compare --titles "{",".join(f"{spacing} mm" for spacing in SPACINGS)}" --hide zone --largest 0.5',
+        tuple(OwnRun(f"{spacing}mm", f"--adapt hybrid --set spacing={spacing}mm") for spacing in SPACINGS),
+    ),
+    "disc.png": Further("disc.geo", "content --time 500"),
+    "drying_mud.gif": Further("drying_mud.py", "animate"),
+    "duran50_crack.png": Further("duran50.geo", "crack"),
+    "figure_19.png": Further("figure_19.py", "preview"),
+    "fork.gif": Further(
+        "duran50.geo",
+        "animate --field stress --largest 5e7",
+        (OwnRun("fork", README_RUN, "--set run.time_step=1.25e-8 --set run.steps=2880"),),
+    ),
+    "screw.png": Further("screw.geo", "render --field solid --level 0.5 --time 500"),
 }
 NEED_RENDER = ("branching_block.png", "screw.png")
 WIDER = 1000  # pixels of a picture of another page
@@ -147,8 +190,7 @@ def draw(scene: Path) -> None:
     for line in commands(scene)[2 if is_solved else 0 :]:
         program, *options = line.split()
         where = ["-o", f"{scene.stem}.png"] if program == "pdpost" else []
-        command = [sys.executable, "-m", program, *options, "-q", "--force", *where]
-        subprocess.run(command, cwd=RESULTS, check=True)
+        _call([program, *options, "-q", "--force", *where])
         if program == "pdsolve":
             solved.write_text(scene_mark(scene), encoding="utf-8")
     _shrink(RESULTS / f"{scene.stem}.png", picture_of(scene), WIDE)
@@ -156,16 +198,35 @@ def draw(scene: Path) -> None:
         dimension = results.dimension
     picture = SHOWN.get(scene.name, Shown()).picture
     record({scene.stem: {"dimension": dimension, **marks(scene, picture, dimension)}})
-    for name, (of, command) in FURTHER.items():
-        if of == scene.name and not (name in NEED_RENDER and find_spec("pyvista") is None):
-            first, *options = command.split()
-            words = [first, f"{scene.stem}.sqlite", *options, "-q", "--force", "-o", name]
-            subprocess.run([sys.executable, "-m", "pdpost", *words], cwd=RESULTS, check=True)
-            if name.endswith(".png"):
-                _shrink(RESULTS / name, DOCS / name, WIDER)
-            else:
-                shutil.copy(RESULTS / name, DOCS / name)
-            record({name: {"dimension": dimension, **marks(scene, command, dimension)}})
+    for name, further in FURTHER.items():
+        if further.scene == scene.name and not (name in NEED_RENDER and find_spec("pyvista") is None):
+            draw_further(scene, name, further)
+            record({name: {"dimension": dimension, **marks(scene, further.command, dimension)}})
+
+
+def draw_further(scene: Path, name: str, further: Further) -> None:
+    """Write a picture of another page, of the gallery's run or of its own runs. Raises CalledProcessError."""
+    trusted = ["--trust"] * (scene.suffix == ".py")
+    drawing, drawn = f"geometries/{scene.name}", f"further_{name}"
+    for run in further.runs:
+        grid = ["-o", f"{run.name}.json", "-q", "--force"]
+        _call(["pdmesh", "build", drawing, *trusted, *shlex.split(run.build), *grid])
+        _call(["pdsolve", f"{run.name}.json", *run.solve.split(), "-q", "--force"])
+    first, *options = shlex.split(further.picture)
+    if first == "preview":
+        _call(["pdmesh", first, drawing, *trusted, "-q", "--force", "-o", drawn])
+    else:
+        databases = [f"{run.name}.sqlite" for run in further.runs] or [f"{scene.stem}.sqlite"]
+        _call(["pdpost", first, *databases, *options, "-q", "--force", "-o", drawn])
+    if name.endswith(".png"):
+        _shrink(RESULTS / drawn, DOCS / name, WIDER)
+    else:
+        shutil.copy(RESULTS / drawn, DOCS / name)
+
+
+def _call(words: list[str]) -> None:
+    """Run a command among the results."""
+    subprocess.run([sys.executable, "-m", *words], cwd=RESULTS, check=True)
 
 
 def _shrink(path: Path, small: Path, wide: int) -> None:
@@ -210,7 +271,7 @@ def recorded() -> dict[str, dict[str, Any]]:
 def is_stale(scene: Path) -> bool:
     """Whether the picture of a scene is of another text, command or drawing than the present ones."""
     pictures = {scene.stem: SHOWN.get(scene.name, Shown()).picture}
-    pictures |= {name: command for name, (of, command) in FURTHER.items() if of == scene.name}
+    pictures |= {name: further.command for name, further in FURTHER.items() if further.scene == scene.name}
     for name, picture in pictures.items():
         noted = recorded().get(name)
         if noted is None or any(noted[key] != now for key, now in marks(scene, picture, noted["dimension"]).items()):

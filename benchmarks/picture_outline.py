@@ -31,7 +31,14 @@ FILL = re.compile(r"(?:fill|stroke): (#[0-9a-f]{6})")
 SIZE = re.compile(r'<svg [^>]*?viewBox="0 0 ([0-9.]+) ([0-9.]+)"')
 POINTS = 7.2  # in a tenth of an inch
 OFTEN = 0.08  # of all colours of a picture: those that are drawn as often are of its mark
-BY_STYLE = ("sif", "fatigue", "render", "animate")  # commands whose pictures are marked by the style alone
+BY_STYLE = (
+    "sif",
+    "fatigue",
+    "render",
+    "animate",
+    "compare",
+    "preview",
+)  # commands whose pictures are marked by the style alone
 NAMES = ("hammer", "middle")  # of conditions
 DIFFUSING = {"physics": "diffusion", "medium": {"D": 1e-9, "C_solid": 7e4, "C_sat": 5e2}}
 
@@ -41,7 +48,7 @@ def mark(picture: str, dimension: int, folder: Path) -> str:
     words = picture.split()
     style = json.dumps([STYLE, HATCHES], sort_keys=True, default=str)
     parts: list[object] = [style]
-    if words[0] not in BY_STYLE and not {"--gap", "--clip"} & set(words):
+    if words[0].rstrip(";") not in BY_STYLE and not {"--gap", "--clip"} & set(words):
         parts += outline(words, dimension, folder)
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()[:16]
 

@@ -22,6 +22,7 @@ from pdpost.commands.shared import (
     chosen_stride,
     counted,
     drawing_options,
+    plane,
     positive,
     seconds,
 )
@@ -36,7 +37,11 @@ def add(commands: Commands) -> None:
     _add_field(animate, "the film, .gif or .mp4 (default: the results' name with the field's and .gif)")
     add_every(animate)
     animate.add_argument("--rate", type=positive, default=10.0, metavar="N", help="frames a second (default: 10)")
-    add_clip(animate)
+    cut = animate.add_mutually_exclusive_group()
+    add_clip(cut)
+    cut.add_argument(
+        "--plane", type=plane, metavar="AXIS=M", help="of a body: draw it on this plane (default: on three planes)"
+    )
     animate.set_defaults(run=_animate)
     watch = commands.add_parser("watch", help="redraw a field with each new frame of a run in progress")
     _add_field(watch, "the picture (default: the results' name with the field's and .png)")
@@ -94,6 +99,7 @@ def _animate(args: argparse.Namespace) -> int:
             "part": args.component,
             **drawing_options(args, field, chosen_scale(results, int(steps[-1]), args)),
             "clip": args.clip,
+            "plane": args.plane,
             "every": stride,
             "dpi": animation.DPI if dpi == "figure" else float(dpi),
             "progress": counted(args, "drawing"),

@@ -360,7 +360,7 @@ def positive(text: str) -> float:
     return number
 
 
-def add_clip(command: argparse.ArgumentParser) -> None:
+def add_clip(command: argparse._ActionsContainer) -> None:
     """Put --clip on a command."""
     command.add_argument(
         "--clip",

@@ -52,16 +52,17 @@ def frames(
     progress: Progress = iter,
     hide: Collection[str] = (),
     clip: tuple[str, float] | None = None,
+    plane: tuple[str, float] | None = None,
 ) -> Iterator[Pixels]:
     """Pictures of the field `name`, one for every `every`-th frame of a run, all of one size and colour range.
 
-    `part`, `scale`, `largest`, `window` and `hide` are those of `field_figure.field`. The colour range ends at the
-    usual largest value of all frames. A body in space is shown undeformed: on three planes through its middle, or cut
-    open by the plane `clip` (axis, m), with its cracks. Raises FieldError, and ResultsError naming what is available.
+    `part`, `scale`, `largest` (usually the usual one of all frames), `window` and `hide` are those of
+    `field_figure.field`. A body in space is shown undeformed: on three planes, on the plane `plane` (axis, m), or cut
+    open by the plane `clip`, with its cracks. Raises FieldError, ResultsError.
     """
     part = fields.choose_component(name, part, results.dimension)
-    if results.dimension == 3 or clip is not None:
-        yield from _in_space(results, name, part, clip, every, dpi, largest, progress)
+    if results.dimension == 3 or clip is not None or plane is not None:
+        yield from _in_space(results, name, part, every, dpi, largest, progress, clip=clip, plane=plane)
         return
     steps = chosen(results, every)
     still = hidden(shape(results, steps[0], 0.0), hide)
@@ -76,8 +77,7 @@ def frames(
     last = still._replace(grown=hidden(shape(results, steps[-1], 0.0), hide).grown)
     lines = bool(len(still.plate.pre_cracks)) + bool(len(last.grown)) + still.plate.has_moving_zone
     on = sheet(box, room=LINE * (len(words) + lines))
-    canvas = FigureCanvasAgg(on.figure)
-    on.figure.set_dpi(dpi)
+    canvas, on.figure.dpi = FigureCanvasAgg(on.figure), dpi
     range_of = colours.colours(name, part, extremes, largest)
     mappable = field_figure.bar(on, range_of)
     mark(on, still._replace(scale=scale))
@@ -85,7 +85,7 @@ def frames(
     legend(on, *words, columns=1)
     for artist in edge:
         artist.remove()
-    before, painted = None, None
+    before = painted = None
     for step in progress(steps):
         shot = field_figure.values_of(results, name, step, part)
         with matplotlib.rc_context({"savefig.dpi": dpi}):
@@ -105,16 +105,18 @@ def _in_space(
     results: Results,
     name: str,
     part: str,
-    clip: tuple[str, float] | None,
     every: int,
     dpi: float,
     largest: float | None,
     progress: Progress,
+    *,
+    clip: tuple[str, float] | None,
+    plane: tuple[str, float] | None,
 ) -> Iterator[Pixels]:
-    """Pictures of a body: cut open by a plane, or on three of them."""
+    """Pictures of a body: cut open by a plane, or on one plane or three."""
     expect_3d_body(results)
     if clip is None:
-        yield from slice_figure.film(results, name, part, every, dpi, largest, progress)
+        yield from slice_figure.film(results, name, part, every, dpi, largest, progress, plane)
         return
     steps = chosen(results, every)
     if largest is None:
@@ -136,13 +138,16 @@ def gif(
     progress: Progress = iter,
     hide: Collection[str] = (),
     clip: tuple[str, float] | None = None,
+    plane: tuple[str, float] | None = None,
 ) -> bytes:
     """The `frames` of a run as a GIF that repeats, at `rate` frames a second.
 
     The same run gives the same bytes. Raises FieldError and ResultsError.
     """
     how: dict[str, Any] = {"part": part, "scale": scale, "largest": largest, "every": every, "window": window}
-    shots: Iterable[Pixels] = frames(results, name, dpi=dpi, progress=progress, hide=hide, clip=clip, **how)
+    shots: Iterable[Pixels] = frames(
+        results, name, dpi=dpi, progress=progress, hide=hide, clip=clip, plane=plane, **how
+    )
     if clip is None:
         # the colours of the field, then greys for text
         shown = colours.colours(name, fields.choose_component(name, part, results.dimension), np.zeros(1), 1.0)

@@ -26,6 +26,8 @@ AROUND = 0.4  # of the largest extent of the cracks: what is shown beside them
 LONG = 0.4  # of the root of the area that opened: the shortest line of the front that is drawn
 TALL, FLATTEST, CHARTS, ZOOM = 5.4, 0.55, 2.3, 0.95  # inches: of the body, least share of it, and of the charts
 TICKS = 6  # along the longest side
+TICK_PAD, LABEL_PAD = 11.5, 33.0  # points without zoom: from an axis to its numbers and to its name
+TICK_ADDED, LABEL_ADDED = 8.0, 21.0  # points: of these, what matplotlib adds to what it is given
 OLD, FRONT, BOX = "0.75", "black", "0.6"  # colours of pre-cracks, of the front and of the body's box
 ENDS = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [1, 1, 1], [0, 1, 1]])
 SIDES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
@@ -37,15 +39,17 @@ def crack_surface(results: Results, summary: CrackSurfaceSummary) -> Figure:
     low, high = _seen_box(results, summary)
     tall = TALL * _share_of_height(low, high)
     figure = Figure(figsize=(WIDTH, tall + CHARTS * opened), layout="constrained")
-    grid = figure.add_gridspec(2 if opened else 1, 2, height_ratios=(tall, CHARTS) if opened else (1,))
-    axes = figure.add_subplot(grid[0, :], projection="3d")
+    parts = figure.add_gridspec(1 + opened, 1, height_ratios=(tall, CHARTS)[: 1 + opened])
+    body = figure.add_subfigure(parts[0])
+    axes = body.add_subplot(projection="3d")
     assert isinstance(axes, Axes3D)
     colours = _surface(axes, results, summary)
     when = time_text(summary.step * float(results.meta()["time_step"]), micro="µs")
     figure.suptitle(f"Surface of the crack at {when}" if opened else f"No crack has grown at {when}", fontsize="medium")
     if opened:
-        figure.colorbar(colours.painted, ax=axes, label=colours.label, shrink=0.6, pad=0.08, extend="max")
-        area, release = figure.add_subplot(grid[1, 0]), figure.add_subplot(grid[1, 1])
+        # on the left: labels of the axis z stand beyond the panel's right edge
+        body.colorbar(colours.painted, ax=axes, label=colours.label, shrink=0.6, location="left", extend="max")
+        area, release = figure.add_subfigure(parts[1]).subplots(1, 2, gridspec_kw={"wspace": 0.05})
         second, seconds = scaled([summary.frame_time], "s")
         plain(area)
         area.plot(summary.frame_time * second, summary.grown_area * 1e6, lw=1.3, **look(0))
@@ -111,13 +115,19 @@ def _surface(axes: Axes3D, results: Results, summary: CrackSurfaceSummary) -> Op
     box = (low + ENDS * (high - low)) * metre
     axes.add_collection3d(Line3DCollection([box[list(side)] for side in SIDES], colors=BOX, linewidths=0.6, zorder=0))
     axes.computed_zorder = False
+    zoom = ZOOM / _share_of_height(low, high)
     for name, lower, upper in zip("xyz", low * metre, high * metre, strict=True):
+        axis = getattr(axes, f"{name}axis")
         getattr(axes, f"set_{name}lim")(lower, upper)
-        getattr(axes, f"set_{name}label")(f"{name}, {metres}")
-        axes.locator_params(
-            axis=name, nbins=max(2, round(TICKS * (upper - lower) / float(np.ptp([low, high], axis=0).max() * metre)))
-        )
-    axes.set_box_aspect(high - low, zoom=ZOOM / _share_of_height(low, high))
+        # what stands between an axis, its numbers and its name grows with the zoom
+        axis.set_tick_params(pad=TICK_PAD / zoom - TICK_ADDED)
+        getattr(axes, f"set_{name}label")(f"{name}, {metres}", labelpad=LABEL_PAD / zoom - LABEL_ADDED)
+        bins = round(TICKS * (upper - lower) / float(np.ptp([low, high], axis=0).max() * metre))
+        if bins > 1:
+            axes.locator_params(axis=name, nbins=bins)
+        else:
+            axis.set_ticks([lower, upper], [f"{lower:.3g}", f"{upper:.3g}"])
+    axes.set_box_aspect(high - low, zoom=zoom)
     axes.view_init(*VIEW)
     axes.grid(visible=False)
     return opening

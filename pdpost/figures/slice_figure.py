@@ -12,6 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_rgba
+from matplotlib.text import Text
 from numpy.typing import NDArray
 
 from pdmesh.plain_figure import Figure
@@ -53,20 +54,40 @@ def plane(
     figure.colorbar(painted, ax=axes, label=range_of.full_label, extend=range_of.beyond)
     _named(axes, section, metres)
     axes.set_title(f"{caption(name, part)} at {_place(section, metre, metres)} {at(results, step)}")
-    _explain(figure, int((~np.isfinite(section.values)).sum()))
+    if left_out := int((~np.isfinite(section.values)).sum()):
+        _explain(figure, left_out)
     return figure
 
 
 class Sections:
-    """Three planes through the middle of a body: front, side and top views."""
+    """One plane, or three through the middle of a body: front, side and top views."""
 
-    def __init__(self, results: Results, name: str, part: str, range_of: Colours) -> None:
+    def __init__(
+        self, results: Results, name: str, part: str, range_of: Colours, cut: tuple[str, float] | None = None
+    ) -> None:
         self._results, self._name, self._part, self._range = results, name, part, range_of
-        nodes, self._middle = results.nodes(0), default_slice_point(results)
+        nodes = results.nodes(0)
         low, high = nodes.position.min(axis=0), nodes.position.max(axis=0)
         reach = nodes.delta.max() / 2 + GAP * float((high - low).max())
         self._low, self._high = low - reach, high + reach
         self._metre, self._metres = scaled([low, high], "m")
+        self._colours = mappable(range_of)
+        self._legend: Text | None = None
+        self._places = (
+            dict(zip(AXES, default_slice_point(results).tolist(), strict=True)) if cut is None else dict([cut])
+        )
+        if cut is None:
+            bar = self._lay_out_three()
+        else:
+            across, up = (self._high - self._low)[[at for at, axis in enumerate(AXES) if axis != cut[0]]]
+            tall = max(min(TALLEST, 1.0 + (WIDTH - 1.5) * up / across), LEAST)
+            self.figure = Figure(figsize=(WIDTH, tall), layout="constrained")
+            self._panels = {cut[0]: self.figure.add_subplot(aspect="equal")}
+            bar = {"ax": self._panels[cut[0]]}
+        self.figure.colorbar(self._colours, label=range_of.full_label, extend=range_of.beyond, **bar)
+
+    def _lay_out_three(self) -> dict[str, Any]:
+        """Make the figure with three panels; returns where its colour bar stands."""
         x, y, z = self._high - self._low
         wide, tall = (max(y, FLATTEST * x), max(y, FLATTEST * z))
         scale = min((WIDTH + 1.0) / (x + wide), TALLEST / (z + tall))
@@ -77,25 +98,31 @@ class Sections:
         self._panels = {axis: self.figure.add_subplot(place, aspect="equal") for axis, place in places}
         rest = self.figure.add_subplot(grid[1, 1])
         rest.set_axis_off()
-        self._colours = mappable(range_of)
-        self.figure.colorbar(
-            self._colours, ax=rest, location="top", fraction=0.2, label=range_of.full_label, extend=range_of.beyond
-        )
+        return {"ax": rest, "location": "top", "fraction": 0.2}
 
     def draw(self, step: int, shown: NDArray[np.float64]) -> list[Artist]:
         """Draw a frame's values (n,) on the planes; returns the artists, which the caller may remove."""
         painted: list[Artist] = []
+        left_out: set[int] = set()
         for axis, axes in self._panels.items():
-            section = slice_field_values_by_plane(
-                self._results, shown, step, axis, float(self._middle[AXES.index(axis)])
-            )
+            section = slice_field_values_by_plane(self._results, shown, step, axis, self._places[axis])
             painted += _paint(axes, section, self._range, self._colours, self._metre)
+            left_out.update(section.node_rows[~np.isfinite(section.values)].tolist())
             _named(axes, section, self._metres)
-            axes.set_title(_place(section, self._metre, self._metres), fontsize="small")
+            place = _place(section, self._metre, self._metres)
+            if len(self._panels) == 1:
+                axes.set_title(f"{caption(self._name, self._part)} at {place} {at(self._results, step)}")
+            else:
+                axes.set_title(place, fontsize="small")
             rows = [AXES.index(letter) for letter in section.plane_axes]
             (x0, y0), (x1, y1) = self._low[rows] * self._metre, self._high[rows] * self._metre
             axes.set(xlim=(x0, x1), ylim=(y0, y1))
-        self.figure.suptitle(f"{caption(self._name, self._part)} {at(self._results, step)}", fontsize="medium")
+        if len(self._panels) > 1:
+            self.figure.suptitle(f"{caption(self._name, self._part)} {at(self._results, step)}", fontsize="medium")
+        if left_out and self._legend is None:
+            self._legend = _explain(self.figure, len(left_out))
+        elif self._legend is not None:
+            self._legend.set_text(_left_out(len(left_out)))
         return painted
 
 
@@ -105,7 +132,6 @@ def sections(
     """Values (n,) of the component `part` of a field on three planes through the middle of a body."""
     planes = Sections(results, name, part, colours(name, part, shown, largest))
     planes.draw(step, shown)
-    _explain(planes.figure, int((~np.isfinite(shown)).sum()))
     return planes.figure
 
 
@@ -117,24 +143,27 @@ def film(
     dpi: float,
     largest: float | None,
     progress: Callable[[list[int]], Iterable[int]],
+    cut: tuple[str, float] | None = None,
 ) -> Iterator[Pixels]:
-    """Pictures of `sections` for every `every`-th frame with one colour range, in the format of `animation.frames`."""
+    """Pictures of every `every`-th frame with one colour range, in the format of `animation.frames`.
+
+    They are those of `sections`, or of the plane `cut` (axis, m) alone.
+    """
     steps = chosen(results, every)
     extremes = np.zeros(1) if largest is None else np.array([-largest, largest])
     if largest is None:
         largest, *ends = field_range(results, name, part, steps)
         extremes = np.array(ends)
-    planes = Sections(results, name, part, colours(name, part, extremes, largest))
-    last = reliable_field_values(results, name, steps[-1], part or None)  # where most is left out
-    _explain(planes.figure, int((~np.isfinite(last)).sum()))
+    planes = Sections(results, name, part, colours(name, part, extremes, largest), cut)
     canvas = FigureCanvasAgg(planes.figure)
     planes.figure.set_dpi(dpi)
-    for step in progress(steps):
+    painted: list[Artist] = planes.draw(steps[-1], reliable_field_values(results, name, steps[-1], part or None))
+    for step in progress(steps):  # after the last one, where most is left out, so that the legend has its room
+        for artist in painted:
+            artist.remove()
         painted = planes.draw(step, reliable_field_values(results, name, step, part or None))
         canvas.draw()
         yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
-        for artist in painted:
-            artist.remove()
 
 
 def field_range(results: Results, name: str, part: str, steps: list[int]) -> tuple[float | None, float, float]:
@@ -166,11 +195,15 @@ def _paint(
     return collections
 
 
-def _explain(figure: Figure, left_out: int) -> None:
-    """Put a legend on the figure for the number of squares left out, if there are some."""
-    if left_out:
-        key = patch(TORN, f"left out, most bonds gone or no value: {left_out} nodes")
-        figure.legend(handles=[key], loc="outside lower center", frameon=False, fontsize="small")
+def _explain(figure: Figure, left_out: int) -> Text:
+    """Put a legend on the figure for the number of squares left out; returns its text."""
+    key = patch(TORN, _left_out(left_out))
+    legend = figure.legend(handles=[key], loc="outside lower center", frameon=False, fontsize="small")
+    return legend.get_texts()[0]
+
+
+def _left_out(count: int) -> str:
+    return f"left out, most bonds gone or no value: {count} nodes"
 
 
 def _named(axes: Axes, section: FieldSlice, metres: str) -> None:

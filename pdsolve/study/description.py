@@ -82,6 +82,7 @@ class RunMeasure(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     cycles: Literal["total", "first_break"] | None = None  # of a run with fatigue
     sql: str | None = None  # a query of the database of a run, whose first value it is
     unit: str = ""  # of what `sql` selects
+    thickness: Annotated[float, msgspec.Meta(gt=0, le=1e3)] | None = None  # m, of a plate, whose force is in N then
 
     @property
     def quantity(self) -> tuple[str, str]:
@@ -314,6 +315,8 @@ def _check_measures(path: Path, measures: Mapping[str, RunMeasure]) -> None:
             )
         if measure.unit and measure.sql is None:
             raise StudyError(f"{path}: $.measures.{name}.unit is known from {given[0]}; leave it out")
+        if measure.thickness is not None and measure.peak_force is None:
+            raise StudyError(f"{path}: $.measures.{name}.thickness is of peak_force alone; leave it out")
 
 
 def _raise_for_no_parameter_value(value: Any, place: str) -> None:

@@ -91,7 +91,11 @@ def further_measures(further: Mapping[str, RunMeasure], dimension: int) -> dict[
             continue
         of_condition = field in FURTHER
         *units, meaning = FURTHER[field if of_condition else value]
-        measures[name] = Measure(units[dimension - 2], f"{meaning} '{value}'" if of_condition else meaning)
+        meaning = f"{meaning} '{value}'" if of_condition else meaning
+        if measure.thickness is None:
+            measures[name] = Measure(units[dimension - 2], meaning)
+        else:
+            measures[name] = Measure("N", f"{meaning}, of a plate {measure.thickness:g} m thick")
     return measures
 
 

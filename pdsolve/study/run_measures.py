@@ -84,7 +84,11 @@ def _further_measure(results: Results, name: str, measure: RunMeasure) -> float 
         (history,) = select_condition_force_histories(read_condition_force_histories(results), [value])
         force = history.force[:, history.main_axis]
         peak = int(np.abs(force).argmax())
-        return float(force[peak] if field == "peak_force" else history.displacement[peak, history.main_axis])
+        if field == "displacement_at_peak":
+            return float(history.displacement[peak, history.main_axis])
+        if measure.thickness is not None and results.dimension == 3:
+            raise ResultsError("thickness is for plates; leave it out for a body in space")
+        return float(force[peak]) * (1.0 if measure.thickness is None else measure.thickness)
     except (ResultsError, sqlite3.Error, sqlite3.Warning, ValueError, TypeError) as error:
         raise ResultsError(f"$.measures.{name}: {error}") from None
 

@@ -164,6 +164,7 @@ def test_each_run_has_a_row_and_failures_are_kept_and_listed(
 MEASURES = """
 [measures]
 peak = {peak_force = "condition 0"}
+thick = {peak_force = "condition 0", thickness = 0.02}
 up = {displacement_at_peak = "condition 0"}
 most = {sql = "SELECT max(strain) FROM history", unit = "J/m"}
 K1 = {intensity = "K1"}
@@ -187,6 +188,7 @@ def test_finished_runs_are_measured_anew_where_a_study_asks_for_more(
             (first, _) = read_condition_force_histories(results)
         at = np.abs(first.force[:, 1]).argmax()
         assert (row["peak"], row["up"]) == (first.force[at, 1], first.displacement[at, 1])
+        assert row["thick"] == 0.02 * row["peak"]
         assert row["most"] == history["strain"].max()
         assert row["K1"] is None  # cracks are through: no tip has room
     least = MEASURES.replace("max(strain)", "min(strain)")  # another quantity under the same name

@@ -10,11 +10,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from messages import naming
+from numpy.typing import NDArray
 from PIL import Image
+from prescribed_results import block, results_of
 
-from pdpost.figures import animation, field_figure
+from pdpost.figures import animation, field_figure, slice_figure
+from pdpost.figures.colours import colours
 from pdpost.figures.style import FigureError
-from pdsolve.results import Results
+from pdsolve.measures.slices import reliable_field_values
+from pdsolve.results import Families, Results, ResultsError
 
 
 @pytest.mark.slow
@@ -106,3 +110,29 @@ def test_lines_that_are_hidden_are_not_drawn(small_results: Path) -> None:
     assert "pre-crack" in labels[0]
     assert "pre-crack" not in labels[1]
     assert film.tobytes() != bare.tobytes()
+
+
+def test_a_film_on_one_plane_counts_its_own_nodes_that_are_left_out() -> None:
+    """Node 1 lies on the plane z = 0.5 mm, the last node in another layer; both have lost their bonds."""
+    nodes, families = block()
+    ends = [(int(node), int(nodes.ids[other])) for node, other in zip(*_pairs(families), strict=True)]
+    broken = [(10, int(nodes.ids[a]), b) for a, b in ends if {int(nodes.ids[a]), b} & {1, len(nodes.ids)}]
+    results = results_of(nodes, families, 1e-3 * nodes.position, broken)
+    cut = ("z", 0.5e-3)
+    drawing = slice_figure.Sections(results, "stress", "xx", colours("stress", "xx", np.ones(1), 1.0), cut)
+    values = reliable_field_values(results, "stress", 10, "xx")
+    (axes,) = (one for one in drawing.figure.axes if one.get_xlabel() or not one.get_ylabel())
+    drawing.draw(10, values)
+    (legend,) = drawing.figure.legends
+    assert legend.get_texts()[0].get_text().endswith(": 1 nodes")
+    assert "z = 0.5 mm" in axes.get_title()
+    shots = list(animation.frames(results, "stress", part="xx", plane=cut, dpi=40))
+    assert len(shots) == 1
+    assert shots[0].shape[1] == 40 * 6
+    with pytest.raises(ResultsError, match=r"z = 1 m"):
+        list(animation.frames(results, "stress", part="xx", plane=("z", 1.0), dpi=40))
+
+
+def _pairs(families: Families) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows of the two ends of each directed bond."""
+    return np.repeat(np.arange(len(families.start) - 1), np.diff(families.start)), families.neighbour

@@ -156,6 +156,8 @@ def test_another_random_parameter_changes_no_draw(tmp_path: Path) -> None:
     [
         ("[measures]\npeak = {}", ("$.measures.peak", "peak_force")),
         ("[measures]\npeak = {peak_force = 'a', sql = 'SELECT 1'}", ("$.measures.peak", "2 quantities")),
+        ("[measures]\npeak = {peak_force = 'a', thickness = 0}", ("$.measures[...].thickness", "above 0")),
+        ("[measures]\nK = {intensity = 'K1', thickness = 0.1}", ("$.measures.K.thickness", "peak_force")),
         ("[measures]\nWork = {sql = 'SELECT 1'}", ("$.measures.Work", "another name")),
         (
             "[vary.model]\nmaterial.G0 = [1]\n[measures]\n'Material.G0' = {sql = 'SELECT 1'}",
