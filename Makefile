@@ -172,7 +172,7 @@ size: $(VENV)/install.done gmsh-libraries
 	$(BIN)/python -m benchmarks.size
 
 mutants: $(VENV)/test.done gmsh-libraries
-	$(BIN)/python -m benchmarks.mutants
+	PYTHONPATH=tests $(BIN)/python -m mutants
 
 PLACES := all
 places: $(VENV)/test.done gmsh-libraries

@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-
-from benchmarks.mutants.table import MUTANTS
-from benchmarks.mutants.trees import same_kernels
+from mutants.table import MUTANTS
+from mutants.trees import same_kernels
 
 ROOT = Path(__file__).parent.parent.parent
 

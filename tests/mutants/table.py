@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from benchmarks.mutants.diffusion import DIFFUSION
-from benchmarks.mutants.drawings import DRAWINGS
-from benchmarks.mutants.lattice import LATTICE
-from benchmarks.mutants.mutant import CONTRACTS, UNIT, Mutant
-from benchmarks.mutants.right_answers import RIGHT_ANSWERS
+from mutants.diffusion import DIFFUSION
+from mutants.drawings import DRAWINGS
+from mutants.lattice import LATTICE
+from mutants.mutant import CONTRACTS, UNIT, Mutant
+from mutants.right_answers import RIGHT_ANSWERS
 
 MUTANTS = (
     *DRAWINGS,

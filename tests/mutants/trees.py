@@ -13,8 +13,8 @@ from contextlib import contextmanager, suppress
 from itertools import zip_longest
 from pathlib import Path
 
-from benchmarks.mutants import stored_kernels
-from benchmarks.mutants.stored_kernels import VARIABLE
+from mutants import stored_kernels
+from mutants.stored_kernels import VARIABLE
 
 ROOT = Path(__file__).parent.parent.parent
 LEFT_OUT = (".git", ".venv", "__pycache__", ".*_cache", ".hypothesis", "*.sqlite", "*.sqlite-*")
@@ -48,7 +48,7 @@ def first_failure(tree: Path, tests: Sequence[str], *, with_kernels: bool) -> st
         if not folder.exists():
             folder.mkdir(mode=0o700)
             _begin(folder, is_by_state)
-    environment = {**os.environ, "PYTHONPATH": str(tree), "PYTHONDONTWRITEBYTECODE": "1"}
+    environment = {**os.environ, "PYTHONPATH": f"{tree}{os.pathsep}{tree / 'tests'}", "PYTHONDONTWRITEBYTECODE": "1"}
     environment |= {"NUMBA_CACHE_DIR": str(kernels), VARIABLE: str(shared)}
     done = subprocess.run(words, cwd=tree, env=environment, capture_output=True, text=True)
     if done.returncode not in (0, 1):

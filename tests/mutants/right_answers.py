@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.mutants.mutant import Mutant
+from mutants.mutant import Mutant
 
 RIGHT_ANSWERS = (
     # bonds that break within a step

@@ -1,7 +1,8 @@
 """Whether tests notice when the code is wrong: it is broken in one place at a time, in a copy, and a test has to fail.
 
-`make mutants`, or `python -m benchmarks.mutants [WORD ...]`: the places of the table, or those whose file or line has a
-word in it. Returns 1 where a mutant survives, where its line is not there any more, or where a test fails without it.
+`make mutants`, or `PYTHONPATH=tests python -m mutants [WORD ...]`: the places of the table, or those whose file or line
+has a word in it. Returns 1 where a mutant survives, where its line is not there any more, or where a test fails without
+it.
 """
 
 from __future__ import annotations
@@ -13,9 +14,9 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from benchmarks.mutants import trees
-from benchmarks.mutants.mutant import Mutant
-from benchmarks.mutants.table import MUTANTS
+from mutants import trees
+from mutants.mutant import Mutant
+from mutants.table import MUTANTS
 
 
 def outcome(tree: Path, mutant: Mutant) -> str:
@@ -29,7 +30,7 @@ def outcome(tree: Path, mutant: Mutant) -> str:
 
 def main(words: Sequence[str]) -> int:
     """Break, test, mend; returns the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m benchmarks.mutants")
+    parser = argparse.ArgumentParser(prog="python -m mutants")
     parser.add_argument("words", nargs="*", metavar="WORD", help="mutants with a word in file or line (all)")
     args = parser.parse_args(words)
     chosen = MUTANTS

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from benchmarks.mutants.mutant import UNIT, Mutant
+from mutants.mutant import UNIT, Mutant
 
 MARCH, BONDS = "pdsolve/lattice/march.py", "pdsolve/lattice/marched_bonds.py"
 BOND = "pdsolve/lattice/bond.py"
