@@ -295,7 +295,7 @@ def _stretch(place: np.ndarray, u: np.ndarray) -> float:
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("more", "kernel"),
-    [((), "tiles, fused march"), (("model=correspondence", "nu=0.25", "failure=none"), "listed, Verlet")],
+    [((), "blocks, fused march"), (("model=correspondence", "nu=0.25", "failure=none"), "listed, Verlet")],
 )
 def test_how_bonds_were_summed_is_said(
     solved: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], more: tuple[str, ...], kernel: str
