@@ -35,8 +35,9 @@ INPUTS = (
     "reference",
     "compare",
     "beside",
+    "measured",
 )  # arguments that name files to read
-OUTPUTS = ("output", "csv", "surface")
+OUTPUTS = ("output", "csv", "surface", "picture")
 SHELLS = ("bash", "zsh", "tcsh", "fish", "powershell")  # that completion knows
 WORDS_AND_FILES = {
     "fish": "(__fish_complete_path (commandline -ct)) {}",

@@ -111,12 +111,13 @@ def _exits() -> dict[type[Exception], int]:
     from pdpost.figures.style import FigureError
     from pdpost.reading.watching import SilentError
     from pdsolve.measures.fields import FieldError
+    from pdsolve.measures.measured_curve import MeasuredCurveError
     from pdsolve.measures.paths import PathError
     from pdsolve.results import ResultsError
     from pdsolve.study.description import StudyError
 
     exits: dict[type[Exception], int] = {SilentError: commandline.FAILURE}  # before ResultsError, which it is as well
-    kinds = (GridError, ExportError, FieldError, FigureError, PathError, ResultsError, StudyError)
+    kinds = (GridError, ExportError, FieldError, FigureError, MeasuredCurveError, PathError, ResultsError, StudyError)
     return exits | dict.fromkeys(kinds, commandline.BAD_INPUT)
 
 

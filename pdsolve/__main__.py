@@ -27,13 +27,17 @@ if TYPE_CHECKING:
 
 
 NAMES = {"assignments": "--set", "one_file": "--one-file-up-to"}  # of options whose arguments are called otherwise
+EPILOG = (
+    "`pdsolve study study.toml` solves many models (`pdsolve study --help`); `pdsolve fit study.toml --measured"
+    " curve.csv` fits parameters of a model to a measured curve (`pdsolve fit --help`)."
+)
 
 
 def parser() -> argparse.ArgumentParser:
     """The command line of pdsolve."""
     program = commandline.program("pdsolve", "Solve a peridynamic model and write its results as an SQLite database.")
-    program.epilog = "`pdsolve study study.toml` solves many models (`pdsolve study --help`)."
-    program.others = {"study": _study_parser}
+    program.epilog = EPILOG
+    program.others = {"study": _study_parser, "fit": _fit_parser}
     program.set_by = _setting
     program.add_argument(
         "--help-settings",
@@ -162,6 +166,12 @@ def _study_parser() -> argparse.ArgumentParser:
     from pdsolve.study import command
 
     return command.parser()
+
+
+def _fit_parser() -> argparse.ArgumentParser:
+    from pdsolve.study import fit_command
+
+    return fit_command.parser()
 
 
 @contextmanager
@@ -397,8 +407,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         from pdsolve.study import command
 
         return launch.alone("pdsolve study", lambda: command.main(words[1:]))
-    if nearest(words[0] if words else "", ["study"], ALIKE) and not Path(words[0]).exists():
-        parser().error(f"'{words[0]}' is no file; give a model's file, or the word study")
+    if words[:1] == ["fit"]:
+        from pdsolve.study import fit_command
+
+        return launch.alone("pdsolve fit", lambda: fit_command.main(words[1:]))
+    if nearest(words[0] if words else "", ["study", "fit"], ALIKE) and not Path(words[0]).exists():
+        parser().error(f"'{words[0]}' is no file; give a model's file, or one of the words study and fit")
     return launch.together(lambda ranks: _alone(words, ranks), _exits)
 
 

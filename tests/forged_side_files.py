@@ -15,6 +15,7 @@ import sqlite3
 import struct
 import sys
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -100,11 +101,12 @@ def prepare(folder: Path) -> None:
 @contextlib.contextmanager
 def in_this_process() -> Iterator[None]:
     """A context in which the runs of a study are solved here."""
-    before, dispatch._solve_tasks = dispatch._solve_tasks, lambda tasks, crew: map(one_run.solve_and_measure, tasks)
+    here = contextlib.nullcontext(partial(map, one_run.solve_and_measure))
+    before, dispatch.task_solver = dispatch.task_solver, lambda workers: here
     try:
         yield
     finally:
-        dispatch._solve_tasks = before
+        dispatch.task_solver = before
 
 
 # ---- what is forged

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pdmesh import commandline
@@ -10,11 +11,16 @@ from pdpost.commands import shared
 from pdpost.commands.shared import lengths, picture_path
 
 if TYPE_CHECKING:
-    from pathlib import Path
+    import numpy as np
+    from numpy.typing import NDArray
 
     from pdpost.commands.shared import Commands
+    from pdsolve.measures.forces import ConditionForceHistory
     from pdsolve.measures.histories import NodeHistory
+    from pdsolve.measures.measured_curve import MeasuredCurve
     from pdsolve.results import Results
+
+    Floats = NDArray[np.float64]
 
 PLACE = "m, or such as 5,20mm, of a body with z"
 Place = tuple[str, tuple[float, ...]]
@@ -50,6 +56,11 @@ def add(commands: Commands) -> None:
     shared.add_command(commands, "balance", "draw where the energy went, and how well it balances").set_defaults(
         run=_balance
     )
+    _add_reaction(commands)
+
+
+def _add_reaction(commands: Commands) -> None:
+    """Put `reaction` on the command line."""
     reaction = shared.add_command(commands, "reaction", "draw the forces of loads and grips over time and displacement")
     reaction.add_argument(
         "--condition",
@@ -72,6 +83,19 @@ def add(commands: Commands) -> None:
     )
     reaction.add_argument(
         "--smooth", type=int, default=1, metavar="N", help="with --gap: average over N steps (default: 1)"
+    )
+    reaction.add_argument(
+        "--measured",
+        type=Path,
+        metavar="CSV",
+        help='draw a measured curve as points: columns with heads such as "lift, mm","load, N"; of one --condition',
+    )
+    reaction.add_argument(
+        "--thickness",
+        type=lambda text: lengths(text, 1)[0],
+        metavar="M",
+        help="with --measured: thickness of the specimen of a 2D model, m, or such as 100mm, by which forces in N are"
+        " divided",
     )
     reaction.set_defaults(run=_reaction)
 
@@ -233,10 +257,11 @@ def _reaction(args: argparse.Namespace) -> int:
     with shared.styled(path, dict(args.assignments)), Results.open(args.results) as results:
         axis, per, ways = _axis(results, args), thickness_unit_suffix(results), "xyz"[: results.dimension]
         chosen_reactions = select_condition_force_histories(read_condition_force_histories(results), args.condition)
+        measured = _measured(results, args, chosen_reactions, axis)
         if path is not None:
             from pdpost.figures import charts, style
 
-            style.save(charts.reactions(chosen_reactions, axis, per), path)
+            style.save(charts.reactions(chosen_reactions, axis, per, measured), path)
     lines = []
     for curve in chosen_reactions:
         along = curve.main_axis if axis is None else axis
@@ -247,6 +272,10 @@ def _reaction(args: argparse.Namespace) -> int:
             f" {most:+.4g} N{per} at most"
             + (f"; all components together {curve.peak_resultant:.4g} N{per}" if curve.is_oblique(along) else "")
         )
+    if measured is not None:
+        (curve,) = chosen_reactions
+        along = curve.main_axis if axis is None else axis
+        lines.append(_measured_line(measured, curve.displacement[:, along], curve.force[:, along]))
     rows = [
         (curve.name, curve.kind, step, time, *force, *way)
         for curve in chosen_reactions
@@ -292,10 +321,11 @@ def _gap(args: argparse.Namespace) -> int:
             force_over_gap_opening(opened, curve, curve.main_axis if axis is None else axis, args.smooth)
             for curve in conditions
         ]
+        measured = _measured(results, args, conditions, axis)
         if path is not None:
             from pdpost.figures import charts, style
 
-            style.save(charts.openings(opening_curves, per), path)
+            style.save(charts.openings(opening_curves, per, measured), path)
     lines = [f"between nodes {opened.node_ids[0]} and {opened.node_ids[1]}"]
     for condition, curve in zip(conditions, opening_curves, strict=True):
         last, most = (
@@ -310,6 +340,9 @@ def _gap(args: argparse.Namespace) -> int:
                 f"{curve.condition_name} has other components too, {condition.peak_resultant:.4g} N{per} together at"
                 " most: the area is not its work, which pdpost balance prints"
             )
+    if measured is not None:
+        (curve,) = opening_curves
+        lines.append(_measured_line(measured, curve.opening, curve.force))
     rows = [
         (curve.condition_name, opening, force)
         for curve in opening_curves
@@ -321,6 +354,44 @@ def _gap(args: argparse.Namespace) -> int:
     ]
     result = {"units": _units(per), "nodes": opened.node_ids, "forces": forces}
     return shared.deliver(args, result, lines, ("condition", "opening, m", f"force, N{per}"), rows, path)
+
+
+def _measured(
+    results: Results, args: argparse.Namespace, conditions: list[ConditionForceHistory], axis: int | None
+) -> MeasuredCurve | None:
+    """The measured curve of --measured with forces as the model has them, and with the signs of the one condition."""
+    from pdsolve.measures.measured_curve import read_measured_curve, scale_to_model
+
+    if args.measured is None:
+        if args.thickness is not None:
+            raise commandline.UsageError("--thickness needs --measured; give both, or leave it out")
+        return None
+    if len(conditions) != 1:
+        raise commandline.UsageError(
+            f"--measured is of one force, and {len(conditions)} are drawn; give one --condition"
+        )
+    curve = scale_to_model(read_measured_curve(args.measured), results.dimension, args.thickness, "--thickness")
+    (condition,) = conditions
+    along = condition.main_axis if axis is None else axis
+    peak = int(abs(condition.force[:, along]).argmax())
+    if condition.force[peak, along] < 0:
+        curve = curve._replace(force=-curve.force)
+    if args.gap is None and condition.displacement[peak, along] < 0:
+        curve = curve._replace(displacement=-curve.displacement)
+    return curve
+
+
+def _measured_line(measured: MeasuredCurve, displacement: Floats, force: Floats) -> str:
+    """How far a measured curve is from a computed one, in words."""
+    import numpy as np
+
+    from pdsolve.measures.measured_curve import misfit
+
+    share, number = misfit(measured, displacement, force)
+    least = "" if number == len(measured.force) else f" of {len(measured.force)}"
+    if not np.isfinite(share):
+        return f"{measured.name}: no measured point is within the computed curve"
+    return f"{measured.name}: {share:.3%} of its largest force off at {number}{least} points (root mean square)"
 
 
 def _two_places(words: list[str]) -> tuple[tuple[float, ...], tuple[float, ...]]:

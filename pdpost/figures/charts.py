@@ -18,6 +18,7 @@ from pdsolve.measures import fields
 from pdsolve.measures.balance import AMOUNTS, EnergyBalance, MassBalance
 from pdsolve.measures.forces import STILL, ConditionForceHistory, ForceOpeningCurve
 from pdsolve.measures.histories import NodeHistory
+from pdsolve.measures.measured_curve import MeasuredCurve
 
 if TYPE_CHECKING:
     from pdsolve.measures.lines import FieldAlongLine  # which would import SciPy
@@ -126,8 +127,13 @@ def masses(books: MassBalance, unit: str = "mol") -> Figure:
     return figure
 
 
-def reactions(chosen_reactions: list[ConditionForceHistory], axis: int | None = None, per: str = "/m") -> Figure:
-    """Forces over time and over the mean displacement of their nodes; without the time chart for a run at rest.
+def reactions(
+    chosen_reactions: list[ConditionForceHistory],
+    axis: int | None = None,
+    per: str = "/m",
+    measured: MeasuredCurve | None = None,
+) -> Figure:
+    """Forces over time and over the mean displacement of their nodes, with measured ones as points.
 
     Components are along `axis`, or along each condition's own axis; `per` is the end of the unit.
     """
@@ -152,6 +158,9 @@ def reactions(chosen_reactions: list[ConditionForceHistory], axis: int | None = 
         way = curve.displacement[:, at] * metre
         if np.ptp(way) >= STILL * most:
             over_way.plot(way, force, lw=1.2, **look(number))
+    if measured is not None:
+        over_way.plot(measured.displacement * metre, measured.force * newton, "o", color="black", ms=3)
+        over_time.plot([], [], "o", color="black", ms=3, label=for_legend(measured.name))
     over_time.set(xlabel=f"time, {seconds}", ylabel=f"force on the {'plate' if per else 'body'}, {newtons}")
     over_way.set(xlabel=f"mean displacement, {metres}")
     for panel in (over_time, over_way):
@@ -181,8 +190,11 @@ def load_displacement(curves: list[ConditionForceHistory], per: str = "/m") -> F
     return figure
 
 
-def openings(opening_curves: list[ForceOpeningCurve], per: str = "/m") -> Figure:
-    """Forces against the opening of a gap with their peaks, and the areas below; `per` is the end of the unit."""
+def openings(opening_curves: list[ForceOpeningCurve], per: str = "/m", measured: MeasuredCurve | None = None) -> Figure:
+    """Forces against the opening of a gap with their peaks, the areas below, and measured forces as points.
+
+    `per` is the end of the unit.
+    """
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = figure.add_subplot()
     plain(axes)
@@ -208,6 +220,9 @@ def openings(opening_curves: list[ForceOpeningCurve], per: str = "/m") -> Figure
             va="bottom",
             fontsize=8,
         )
+    if measured is not None:
+        places = (measured.displacement * metre, measured.force * newton)
+        axes.plot(*places, "o", color="black", ms=3, label=for_legend(measured.name))
     axes.set(xlabel=f"opening, {metres}", ylabel=f"force on the {'plate' if per else 'body'}, {newtons}")
     figure.legend(loc="outside upper center", ncols=3, frameon=False)
     return figure

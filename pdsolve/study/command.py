@@ -58,7 +58,7 @@ def parser() -> argparse.ArgumentParser:
 def main(argv: Sequence[str]) -> int:
     """Run pdsolve study; returns its exit code."""
     args = parser().parse_args(argv)
-    return commandline.run("pdsolve study", lambda: _study(args), _exits)
+    return commandline.run("pdsolve study", lambda: _study(args), exits)
 
 
 def _study(args: argparse.Namespace) -> int:
@@ -111,7 +111,8 @@ def _price_line(study: Study, path: Path, args: argparse.Namespace) -> str:
     return "" if price is None else f"pdsolve study: {price_line(price)}"
 
 
-def _exits() -> dict[type[Exception], int]:
+def exits() -> dict[type[Exception], int]:
+    """Exit codes of the expected errors of a study."""
     from pdmesh import GridError, SceneError
     from pdsolve.model import ModelError
     from pdsolve.results import ResultsError, WriteError

@@ -126,6 +126,34 @@ class Random(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return [*(("drawing", *item) for item in self.drawing.items()), *named]
 
 
+class FitParameter(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The first guess of a parameter, and the bounds that it stays between."""
+
+    first: float | None = None
+    bounds: Pair | None = None
+
+
+class FitSettings(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The parameters that are fitted, and the curve of each run that is compared with the measured one."""
+
+    condition: str  # the force of this condition or load cell
+    gap: str | None = None  # against the opening of this gap; None: against its own displacement
+    thickness: Annotated[float, msgspec.Meta(gt=0, le=1e3)] | None = None  # m, of the specimen of a 2D model
+    step: Annotated[float, msgspec.Meta(ge=1e-5, le=0.2)] = 0.02  # of the derivative, as a share of the parameter
+    evaluations: Annotated[int, msgspec.Meta(ge=1, le=1000)] = 30  # sets of parameters that are tried, at most
+    drawing: dict[str, FitParameter] = {}
+    model: dict[str, Any] = {}
+
+    def named(self) -> list[tuple[str, str, FitParameter]]:
+        """Kind, name and settings of each parameter. Raises ValueError."""
+        flat = _flatten_to_dotted_names(self.model, ends=FitParameter.__struct_fields__)
+        for name, value in flat.items():
+            if not isinstance(value, dict):
+                raise ValueError(f"$.fit.model: {name} is {value!r:.40}; write {{first = 1.0, bounds = [0.5, 2.0]}}")
+        named = [("model", name, msgspec.convert(value, FitParameter)) for name, value in flat.items()]
+        return [*(("drawing", *item) for item in self.drawing.items()), *named]
+
+
 class Description(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The contents of the file study.toml."""
 
@@ -136,6 +164,7 @@ class Description(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     repeat: Repeat = Repeat()
     random: Random = Random()
     measures: dict[str, RunMeasure] = {}
+    fit: FitSettings | None = None
 
 
 @dataclass(frozen=True)
@@ -196,6 +225,8 @@ class Study:
     @property
     def varied(self) -> list[str]:
         """Names of the parameters that differ between runs, but for random ones, in the order of the file."""
+        if self.description.fit is not None:
+            return [column_of(kind, name) for kind, name, _ in self.description.fit.named()]
         cases, random = self.cases(), self.random
         names = dict.fromkeys(name for case in cases for name in case.values if name not in random)
         return [
@@ -209,9 +240,22 @@ class Study:
         """Table columns of the random parameters."""
         return [column_of(kind, name) for kind, name, _ in self.description.random.named()]
 
+    def case_of_fit(self, values: Mapping[str, float] = {}) -> Case:
+        """The run of a fit with these values of its parameters, by their names; by default those of the first guess."""
+        parts: dict[str, dict[str, Any]] = {"drawing": {}, "model": {}, "options": {}}
+        _override_parts(parts, self.description.set)
+        for kind, name, parameter in self.description.fit.named() if self.description.fit else ():
+            parts[kind][name] = values.get(name, parameter.first)
+        return Case(parts["drawing"], parts["model"], parts["options"])
+
     def cases(self) -> list[Case]:
-        """All runs: each of `runs` combined with all combinations of `vary`, and repeated. Raises StudyError."""
+        """All runs: each of `runs` combined with all combinations of `vary`, and repeated; of a fit, the first guess.
+
+        Raises StudyError.
+        """
         about, cases = self.description, {}
+        if about.fit is not None:
+            return [self.case_of_fit()]
         vary = about.vary
         ranges = [("drawing", *item) for item in vary.drawing.items()]  # kind, name and values of each parameter
         ranges += [("model", *item) for item in _flatten_to_dotted_names(vary.model).items()]
@@ -250,6 +294,7 @@ def read_study(path: FilePath) -> Study:
         content = tomllib.loads(text)
         about = msgspec.convert(content, Description)
         _check_random(path, about, about.random.named())
+        _check_fit(path, about)
         _raise_for_no_parameter_value(msgspec.to_builtins(about, builtin_types=(date, time)), "$")
     except OSError as error:
         raise StudyError(f"{path}: cannot be read: {error.strerror}") from None
@@ -303,6 +348,30 @@ def _check_random(path: Path, about: Description, named: list[tuple[str, str, Di
         for where, other in others:
             if name in (other.drawing if kind == "drawing" else _flatten_to_dotted_names(other.model)):
                 raise StudyError(f"{place} is in $.{where} as well; leave it out of one of them")
+
+
+def _check_fit(path: Path, about: Description) -> None:
+    """Raise StudyError for a fit without parameters or of one without bounds, and for what a fit cannot have."""
+    if about.fit is None:
+        return
+    named, place = about.fit.named(), f"{path}: $.fit"
+    if not named:
+        raise StudyError(f"{place} has no parameter; give [fit.model] or [fit.drawing] with first and bounds")
+    for name in ("vary", "runs", "repeat", "random"):
+        if getattr(about, name) != getattr(Description("", fit=about.fit), name):
+            raise StudyError(f"{place} varies its parameters itself; leave out $.{name}, or $.fit")
+    for kind, name, parameter in named:
+        where = f"{place}.{kind}: {name}"
+        if name in (about.set.drawing if kind == "drawing" else _flatten_to_dotted_names(about.set.model)):
+            raise StudyError(f"{where} is in $.set as well; leave it out of one of them")
+        if parameter.bounds is None or parameter.first is None:
+            missing = "bounds" if parameter.bounds is None else "first guess"
+            raise StudyError(f"{where} has no {missing}; write {{first = 1.0, bounds = [0.5, 2.0]}} with your values")
+        low, high = parameter.bounds
+        if not (math.isfinite(low) and math.isfinite(high) and low < high):
+            raise StudyError(f"{where} has bounds {low:g} and {high:g}; give two finite numbers, the smaller one first")
+        if not low <= parameter.first <= high:
+            raise StudyError(f"{where} begins at {parameter.first:g}; use a first guess between {low:g} and {high:g}")
 
 
 def _check_measures(path: Path, measures: Mapping[str, RunMeasure]) -> None:

@@ -8,7 +8,9 @@ Progress is one bar over all runs in a terminal or notebook; an occasional line 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,13 +21,13 @@ from pdsolve.numerics.thread_team import cores
 from pdsolve.results import holder, remove, writing_to
 from pdsolve.run.progress import LINE_EVERY, make_progress_bar
 from pdsolve.study.cluster import expect_scheduler, solved_by
-from pdsolve.study.description import Study, StudyError
+from pdsolve.study.description import Case, Study, StudyError
 from pdsolve.study.measure_columns import further_measures, measures_of
 from pdsolve.study.one_run import PATIENCE, Outcome, Task
 from pdsolve.study.recovered_runs import kept, own_runs
 from pdsolve.study.run_model import NAMED, check_study_and_return_dimension
 from pdsolve.study.table import FAILED, FINISHED, Row, Table, run_folder
-from pdsolve.study.workers import solved_here
+from pdsolve.study.workers import Processes
 
 
 class StudyProgress(NamedTuple):
@@ -48,6 +50,7 @@ class StudyWorkers(NamedTuple):
 
 
 DEFAULT_WORKERS = StudyWorkers()
+TaskSolver = Callable[[Sequence[Task]], Iterable[Outcome]]
 
 
 def solve_study(
@@ -63,6 +66,18 @@ def solve_study(
     Failed runs are skipped unless `again`; `force` discards existing results. `watch` is called after each run. Raises
     StudyError, BusyError, OSError; a failed run raises none.
     """
+    with open_runs(study, output, workers, force) as runs:
+        return runs.solve(study.cases(), watch, again)
+
+
+@contextmanager
+def open_runs(
+    study: Study, output: FilePath, workers: StudyWorkers = DEFAULT_WORKERS, force: bool = False
+) -> Iterator[StudyRuns]:
+    """The runs of a study whose table at `output` is open for writing; `force` discards existing results.
+
+    Raises StudyError, BusyError, OSError.
+    """
     output = Path(output)
     with writing_to(output):
         dimension = check_study_and_return_dimension(study, workers.trust)
@@ -74,31 +89,63 @@ def solve_study(
             kept(run_folder(output), study)
         with Table.create(output, study, f"pdsolve {VERSION}") as table:
             run_folder(output).mkdir(exist_ok=True)
-            runs = {} if table.rows() else kept(run_folder(table.path), study)
-            further = study.description.measures
-            measures = measures_of(dimension) | further_measures(further, dimension)
-            numbers = table.add(study.cases(), _describe_parameters(study, workers.trust), measures, runs)
-            rows = table.rows(numbers.values())
-            over = (FINISHED,) if again else (FINISHED, FAILED)
-            waiting = {row.number for row in rows if row.status not in over}
-            cases = [(numbers[case.key], case) for case in study.cases() if numbers[case.key] in waiting]
-            drawing = study.drawing.resolve()
-            files = {row.number: row.file.parent.resolve() / row.file.name for row in rows}
-            bad = {row.number for row in rows if row.status == FAILED}
-            how = (workers.threads, workers.trust, study.digest)
-            tasks = [Task(number, drawing, case, files[number], *how, number in bad, further) for number, case in cases]
-            failed = len(bad - waiting)
-            holders = {task.number: name for task in tasks if (name := holder(task.output)) is not None}
-            progress = StudyProgress(len(rows), len(rows) - len(tasks) - failed, failed, None, holders)
+            # of a fit, the table may have been lost and begun anew: its runs come one after the other
+            existing = {} if table.rows() and study.description.fit is None else kept(run_folder(table.path), study)
+            with task_solver(workers) as solve_tasks:
+                yield StudyRuns(study, table, workers, dimension, existing, solve_tasks)
+
+
+class StudyRuns:
+    """The runs of a study, in its table and in the folder beside it."""
+
+    def __init__(
+        self,
+        study: Study,
+        table: Table,
+        workers: StudyWorkers,
+        dimension: int,
+        existing: Mapping[str, int],
+        solve_tasks: TaskSolver,
+    ) -> None:
+        """`existing` are the numbers of databases that are there, by the keys of their runs."""
+        self.dimension = dimension
+        self._study, self._table, self._workers, self._existing = study, table, workers, existing
+        self._solve_tasks = solve_tasks
+        self._described = _describe_parameters(study, workers.trust)
+
+    def solve(
+        self,
+        cases: Sequence[Case],
+        watch: Callable[[StudyProgress], None] | None = None,
+        again: bool = False,
+    ) -> list[Row]:
+        """Solve those of the cases that are not solved; returns the rows of all. Raises StudyError."""
+        study, table, workers = self._study, self._table, self._workers
+        further = study.description.measures
+        measures = measures_of(self.dimension) | further_measures(further, self.dimension)
+        numbers = table.add(cases, self._described, measures, self._existing)
+        rows = table.rows(numbers.values())
+        over = (FINISHED,) if again else (FINISHED, FAILED)
+        waiting = {row.number for row in rows if row.status not in over}
+        drawing = study.drawing.resolve()
+        files = {row.number: row.file.parent.resolve() / row.file.name for row in rows}
+        bad = {row.number for row in rows if row.status == FAILED}
+        how = (workers.threads, workers.trust, study.digest)
+        tasks = [
+            Task(number, drawing, case, files[number], *how, number in bad, further)
+            for case in cases
+            if (number := numbers[case.key]) in waiting
+        ]
+        failed = len(bad - waiting)
+        holders = {task.number: name for task in tasks if (name := holder(task.output)) is not None}
+        progress = StudyProgress(len(rows), len(rows) - len(tasks) - failed, failed, None, holders)
+        _report_progress(watch, progress)
+        for outcome in self._solve_tasks(tasks):
+            table.finish(*outcome)
+            ended = outcome.error is not None
+            progress = StudyProgress(progress.runs, progress.finished + (not ended), progress.failed + ended, outcome)
             _report_progress(watch, progress)
-            for outcome in _solve_tasks(tasks, workers):
-                table.finish(*outcome)
-                ended = outcome.error is not None
-                progress = StudyProgress(
-                    progress.runs, progress.finished + (not ended), progress.failed + ended, outcome
-                )
-                _report_progress(watch, progress)
-            return table.rows(numbers.values())
+        return table.rows(numbers.values())
 
 
 def _report_progress(watch: Callable[[StudyProgress], None] | None, progress: StudyProgress) -> None:
@@ -140,11 +187,14 @@ def _describe_parameters(study: Study, trust: bool) -> dict[str, tuple[str, str]
     return {entry.name.removeprefix("Peridynamics/"): (entry.unit, entry.meaning) for entry in parameters}
 
 
-def _solve_tasks(tasks: Sequence[Task], workers: StudyWorkers) -> Iterator[Outcome]:
-    """Outcomes of tasks as they finish. Raises StudyError."""
+@contextmanager
+def task_solver(workers: StudyWorkers) -> Iterator[TaskSolver]:
+    """What solves tasks on these workers, whose processes end with this context. Raises StudyError."""
     if workers.scheduler is not None:
-        return solved_by(tasks, workers.scheduler)
-    return solved_here(tasks, workers.workers or max(1, cores() // workers.threads))
+        yield partial(solved_by, scheduler=workers.scheduler)
+        return
+    with Processes(workers.workers or max(1, cores() // workers.threads)) as processes:
+        yield processes.solve
 
 
 class StudyWatch:

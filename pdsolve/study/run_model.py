@@ -191,27 +191,31 @@ def _check_measures(study: Study, case: Case, dimension: int, trust: bool) -> No
     Raises SceneError, GridError, ModelError for a model that cannot be built.
     """
     names: list[str] = []
-    for name, measure in study.description.measures.items():
-        field, value = measure.quantity
+    for place, field, value in _named_quantities(study):
         if field == "sql":
             try:
                 with closing(connect(None)) as connection:
                     connection.executescript(";".join(statements(dimension)))
                     connection.execute(f"EXPLAIN {value}")
             except (sqlite3.Error, sqlite3.Warning, ValueError) as error:  # a warning: two statements
-                raise StudyError(
-                    f"{study.path}: $.measures.{name}.sql: {error} (pdpost sql lists the tables)"
-                ) from None
-        elif field in ("peak_force", "displacement_at_peak"):
+                raise StudyError(f"{study.path}: {place}.sql: {error} (pdpost sql lists the tables)") from None
+        elif field in ("peak_force", "displacement_at_peak", "condition"):
             if not names:
                 settings = model_of_run(study.drawing, replace(case, repetition=0), trust).settings
                 names = [called(condition.name, number) for number, condition in enumerate(settings.conditions)]
                 names += [cell.name for cell in settings.run.load_cells]
             if value not in names:
                 raise StudyError(
-                    f"{study.path}: $.measures.{name}.{field}: there is no condition '{value}'; use one of"
+                    f"{study.path}: {place}.{field}: there is no condition '{value}'; use one of"
                     f" {', '.join(names) or 'a model with conditions'}"
                 )
+
+
+def _named_quantities(study: Study) -> list[tuple[str, str, str]]:
+    """Place in the file, field and value of what a study measures, and of the force that a fit compares."""
+    quantities = [(f"$.measures.{name}", *measure.quantity) for name, measure in study.description.measures.items()]
+    fit = study.description.fit
+    return quantities if fit is None else [*quantities, ("$.fit", "condition", fit.condition)]
 
 
 def _dimension(drawing: Path, case: Case, trust: bool) -> int:

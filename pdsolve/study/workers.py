@@ -21,18 +21,38 @@ from pdsolve.study.one_run import LOST, Outcome, Task
 from pdsolve.study.worker import prepare, solve
 
 
-def solved_here(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
-    """Outcomes of tasks as `workers` processes finish them; the processes end with this generator.
+class Processes:
+    """At most `number` processes, which begin with their first runs and wait for more until this context ends."""
 
-    A run whose process died is tried once more, as another run may have caused it.
-    """
-    waiting, ended = deque(tasks), set[int]()
-    done: SimpleQueue[Future[Outcome]] = SimpleQueue()  # an interrupted wait on futures may leave their locks taken
-    processes = [Worker(done) for _ in range(min(workers, len(tasks)))]
-    try:
-        under_way = {worker.begin(waiting.popleft()): worker for worker in processes}
+    def __init__(self, number: int) -> None:
+        self._number = number
+        self._done: SimpleQueue[Future[Outcome]] = SimpleQueue()  # an interrupted wait on futures may leave locks taken
+        self._workers: list[Worker] = []
+
+    def __enter__(self) -> Processes:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        try:
+            for worker in self._workers if kind is None else ():
+                worker.end()
+        finally:
+            for worker in self._workers:
+                worker.stop()
+            for worker in self._workers:
+                worker.end()
+
+    def solve(self, tasks: Sequence[Task]) -> Iterator[Outcome]:
+        """Outcomes of tasks as processes finish them.
+
+        A run whose process died is tried once more, as another run may have caused it.
+        """
+        waiting, ended = deque(tasks), set[int]()
+        while len(self._workers) < min(self._number, len(tasks)):
+            self._workers.append(Worker(self._done))
+        under_way = {worker.begin(waiting.popleft()): worker for worker in self._workers[: len(tasks)]}
         while under_way:
-            future = done.get()
+            future = self._done.get()
             worker = under_way.pop(future)
             task, outcome = worker.outcome(future)
             again = outcome.error == LOST and task.number not in ended
@@ -43,13 +63,6 @@ def solved_here(tasks: Sequence[Task], workers: int) -> Iterator[Outcome]:
                 under_way[worker.begin(waiting.popleft())] = worker
             if not again:
                 yield outcome
-        for worker in processes:
-            worker.end()
-    finally:
-        for worker in processes:
-            worker.stop()
-        for worker in processes:
-            worker.end()
 
 
 class Worker:

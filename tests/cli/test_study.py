@@ -9,10 +9,11 @@ import shutil
 import sqlite3
 import sys
 from collections.abc import Callable
-from contextlib import closing
+from contextlib import closing, nullcontext
 from itertools import product
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 from unittest.mock import Mock
 
 import numpy as np
@@ -70,7 +71,7 @@ def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
     small(folder)
     (folder / "study.toml").write_text(STUDY)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(dispatch, "_solve_tasks", in_this_process)
+        patch.setattr(dispatch, "task_solver", by(in_this_process))
         assert main(["study", str(folder / "study.toml"), "-o", str(folder / "study.sqlite"), "-q"]) == 1  # some failed
     return folder
 
@@ -82,7 +83,12 @@ def solved(once: Path, here: Path) -> Path:
     return here
 
 
-def in_this_process(tasks: list[Task], how: dispatch.StudyWorkers) -> list[Outcome]:
+def by(solve: Callable[[list[Task]], list[Outcome]]) -> Callable[[dispatch.StudyWorkers], Any]:
+    """What replaces the solver of tasks by a function."""
+    return lambda workers: nullcontext(solve)
+
+
+def in_this_process(tasks: list[Task]) -> list[Outcome]:
     """What workers would say of these tasks."""
     return [one_run.solve_and_measure(task) for task in tasks]
 
@@ -124,7 +130,7 @@ def test_the_price_is_printed_before_the_runs(
     solved: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Of what is still to be solved: nothing, after all runs are finished."""
-    monkeypatch.setattr(dispatch, "_solve_tasks", in_this_process)
+    monkeypatch.setattr(dispatch, "task_solver", by(in_this_process))
     Path("study.toml").write_text(STUDY.replace('"horizon.ratio" = [3, 1]', '"horizon.ratio" = [3]'))
     assert main(["study", "study.toml", "--workers", "2"]) == 0
     assert "to solve" not in capsys.readouterr().err
@@ -177,7 +183,7 @@ def test_finished_runs_are_measured_anew_where_a_study_asks_for_more(
 ) -> None:
     before = {path.name: path.read_bytes() for path in Path("study.runs").iterdir()}
     Path("study.toml").write_text(STUDY + MEASURES)
-    monkeypatch.setattr(dispatch, "_solve_tasks", in_this_process)
+    monkeypatch.setattr(dispatch, "task_solver", by(in_this_process))
     assert main(["study", "study.toml", "-q"]) == 1  # runs that failed stay failed
     assert {path.name: path.read_bytes() for path in Path("study.runs").iterdir()} == before
     for row in rows(solved):
@@ -193,9 +199,9 @@ def test_finished_runs_are_measured_anew_where_a_study_asks_for_more(
         assert row["K1"] is None  # cracks are through: no tip has room
     least = MEASURES.replace("max(strain)", "min(strain)")  # another quantity under the same name
     Path("study.toml").write_text(STUDY + least)
-    monkeypatch.setattr(dispatch, "_solve_tasks", lambda tasks, how: [])  # stopped before anything is measured
+    monkeypatch.setattr(dispatch, "task_solver", by(lambda tasks: []))  # stopped before anything is measured
     assert main(["study", "study.toml", "-q"]) == 1
-    monkeypatch.setattr(dispatch, "_solve_tasks", in_this_process)
+    monkeypatch.setattr(dispatch, "task_solver", by(in_this_process))
     assert main(["study", "study.toml", "-q"]) == 1
     assert [row["most"] for row in rows(solved) if row["status"] == "finished"] == [0.0] * 4
 
@@ -229,11 +235,11 @@ def test_it_goes_on_where_it_was_stopped_and_grows(solved: Path, monkeypatch: py
     Path("study.toml").write_text(STUDY.replace("[204, 100]", "[204, 100, 50]").replace("[3, 1]", "[3]"))
     asked = []
 
-    def here(tasks: list[Task], how: dispatch.StudyWorkers) -> list[Outcome]:
+    def here(tasks: list[Task]) -> list[Outcome]:
         asked.extend(task.number for task in tasks)
-        return in_this_process(tasks, how)
+        return in_this_process(tasks)
 
-    monkeypatch.setattr(dispatch, "_solve_tasks", here)
+    monkeypatch.setattr(dispatch, "task_solver", by(here))
     assert main(["study", "study.toml", "-q"]) == 0
     assert asked == [1, 2, 5, 9, 10]
     after = rows(solved)
@@ -285,7 +291,7 @@ def test_a_damaged_table_is_refused_and_made_anew_from_its_runs(
     Path("study.sqlite").unlink()
     Path("study.toml").write_text(STUDY.replace("[204, 100]", "[100]").replace("[3, 1]", "[3]"))
     began = {path.name: path.stat().st_mtime_ns for path in Path("study.runs").glob("*.sqlite")}
-    monkeypatch.setattr(dispatch, "_solve_tasks", in_this_process)
+    monkeypatch.setattr(dispatch, "task_solver", by(in_this_process))
     assert main(["study", "study.toml", "-q"]) == 0
     after = rows(solved)
     assert [row["number"] for row in after] == [5, 6]
@@ -300,7 +306,7 @@ def tree(folder: Path) -> dict[str, bytes]:
 
 def test_force_begins_anew(solved: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked = []
-    monkeypatch.setattr(dispatch, "_solve_tasks", lambda tasks, how: asked.extend(task.number for task in tasks) or [])
+    monkeypatch.setattr(dispatch, "task_solver", by(lambda tasks: asked.extend(task.number for task in tasks) or []))
     Path("study.runs/0003.sqlite").write_bytes(b"")  # killed before its first frame
     main(["study", "study.toml", "--force"])
     assert asked == [1, 2, 3, 4, 5, 6, 7, 8]
@@ -385,7 +391,7 @@ def test_a_run_is_not_written_through_a_link(solved: Path, monkeypatch: pytest.M
     edit("UPDATE run SET status = 'waiting' WHERE number = 1")
     run_that_is_a_link(Path("study.runs"))
     Path("mine.sqlite").write_bytes(b"")
-    monkeypatch.setattr(dispatch, "_solve_tasks", in_this_process)
+    monkeypatch.setattr(dispatch, "task_solver", by(in_this_process))
     assert main(["study", "study.toml", "-q"]) == 1
     assert Path("mine.sqlite").read_bytes() == b""
 
@@ -394,7 +400,7 @@ def test_a_run_that_is_held_is_said_and_waited_for(
     solved: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     edit("UPDATE run SET status = 'waiting' WHERE number = 5")
-    monkeypatch.setattr(dispatch, "_solve_tasks", in_this_process)
+    monkeypatch.setattr(dispatch, "task_solver", by(in_this_process))
     Path("study.runs/0005.sqlite").unlink()
     with writing_to(Path("study.runs/0005.sqlite")), monkeypatch.context() as patch:
         patch.setattr(one_run, "PATIENCE", 0.0)
