@@ -14,7 +14,6 @@ horizon of 3 spacings, which the cost hardly shows.
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
 from functools import cached_property, lru_cache
 from typing import Any, NamedTuple
 
@@ -151,23 +150,20 @@ class Interfaces:
         grid = self._model.grid
         reach = self._model.horizons + (0.5 * grid.delta if partial_cells else 0.0)
         neighbours = Neighbours(grid.position, grid.delta, reach, mutual=True)
-        return [
-            number
-            for number, interface in enumerate(self._interfaces)
-            if not any(self._crosses(interface, self._bonded(neighbours, rows)) for rows in self._beside(interface))
-        ]
-
-    def _beside(self, interface: Interface) -> Iterator[NDArray[np.int64]]:
-        """Rows of nodes that bonds across an interface may start at, some at a time."""
-        model, grid, d = self._model, self._model.grid, self._model.grid.dimension
-        if interface.between is None:
-            corners = np.array(interface.faces, dtype=float).reshape(-1, d)
-            far = float((model.horizons + grid.delta).max())
-            rows = grid.chosen(None, [*(corners.min(axis=0) - far), *(corners.max(axis=0) + far)])
-        else:
-            sides = (self._is_called(name)[model.material_of] for name in interface.between)
-            rows = min((np.flatnonzero(side) for side in sides), key=len)
-        return (rows[part] for part in row_chunks(len(rows)))
+        numbers = []
+        for number, interface in enumerate(self._interfaces):
+            # rows of nodes that bonds across it may start at
+            if interface.between is None:
+                corners = np.array(interface.faces, dtype=float).reshape(-1, grid.dimension)
+                far = float((self._model.horizons + grid.delta).max())
+                rows = grid.chosen(None, [*(corners.min(axis=0) - far), *(corners.max(axis=0) + far)])
+            else:
+                sides = (self._is_called(name)[self._model.material_of] for name in interface.between)
+                rows = min((np.flatnonzero(side) for side in sides), key=len)
+            bonds = (self._bonded(neighbours, rows[part]) for part in row_chunks(len(rows)))
+            if not any(self._crosses(interface, pairs) for pairs in bonds):
+                numbers.append(number)
+        return numbers
 
     def _crosses(self, interface: Interface, pairs: Pairs) -> bool:
         """Whether one of these pairs crosses an interface."""

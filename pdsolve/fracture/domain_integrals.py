@@ -113,7 +113,14 @@ def integrals(
         J += _pushed_along(turned_faces, ring, turned_faces.displacement)
 
     def interaction(field: Callable[[NDArray[np.complex128]], TipField], reach: float) -> float:
-        between = _between(fields, field(z), q, slope)
+        auxiliary = field(z)
+        total = _pulled(fields.stress, auxiliary.slope, slope) + _pulled(
+            auxiliary.stress, fields.gradient[:, :, 0], slope
+        )
+        total = total - _product(auxiliary.stress, fields.strain) * slope[:, 0]
+        if fields.motion is not None:
+            total = total + fields.motion.density * q * (fields.motion.acceleration * auxiliary.slope).sum(axis=1)
+        between = float(fields.area @ total)
         if turned_faces is not None:  # the displacement is `reach` times that of a constant slope from the tip
             x, y = turned_faces.corners.reshape(-1, 2).T
             slopes = field(x + 1j * y).slope
@@ -176,15 +183,6 @@ def _turned(at: Sampled, rows: NDArray[np.int64], tip: NDArray[np.float64], turn
     place, work = (at.position[rows] - tip) @ turn.T, None if at.work is None else at.work[rows]
     gradient = turn @ at.gradient[rows] @ turn.T
     return Sampled(place, at.area[rows], gradient, tensor(at.strain), tensor(at.stress), motion, work)
-
-
-def _between(fields: Sampled, auxiliary: TipField, q: NDArray[np.float64], slope: NDArray[np.float64]) -> float:
-    """The interaction integral with an auxiliary stationary field."""
-    total = _pulled(fields.stress, auxiliary.slope, slope) + _pulled(auxiliary.stress, fields.gradient[:, :, 0], slope)
-    total = total - _product(auxiliary.stress, fields.strain) * slope[:, 0]
-    if fields.motion is not None:
-        total = total + fields.motion.density * q * (fields.motion.acceleration * auxiliary.slope).sum(axis=1)
-    return float(fields.area @ total)
 
 
 def _product(stress: NDArray[np.float64], strain: NDArray[np.float64]) -> NDArray[np.float64]:

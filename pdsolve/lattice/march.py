@@ -205,7 +205,16 @@ class LatticeMarch(Stepper):
                 lasts = 1
                 if sweep > 0:
                     step = first_step + sweep - 1
-                    lasts, pushes_pairs = self._update_contact_forces(self._contact, state, step, sweep)
+                    arrays, now = self.arrays, self.bonds.collect_motion(state, sweep)
+                    free = self._contact.free_steps(now, step, self._dt)
+                    arrays.contact_force[self._rows], arrays.adds_contact_force[:] = 0.0, False
+                    self._rows = self._contact.rows if free == 0 else self._rows[:0]
+                    arrays.adds_contact_force[self._group_of_node[self._rows]] = True
+                    if free > 0:
+                        lasts, pushes_pairs = free, False
+                    else:
+                        self._contact.push(now, arrays.contact_force, step, self._dt)
+                        lasts, pushes_pairs = self._contact.push_steps(step), True
                 count = min(count, lasts)
             sweeps = SweepRange(first_step, end_step, sweep, False, pushes_pairs)
             with bonds.breaking:
@@ -238,19 +247,6 @@ class LatticeMarch(Stepper):
             sweep_groups(sweeps._replace(first_sweep=stalled, only_waiting_groups=True), 0, gate_of(1))
         bonds.end_sweeps()
         return int(arrays.next_sweep[0])
-
-    def _update_contact_forces(self, contact: PenaltyContact, state: State, step: int, sweep: int) -> tuple[int, bool]:
-        """Set the forces of contact in a step, with the motion that `sweep` begins with; returns for how many steps
-        they hold, or those of the pairs, and whether these change them."""
-        arrays, now = self.arrays, self.bonds.collect_motion(state, sweep)
-        free = contact.free_steps(now, step, self._dt)
-        arrays.contact_force[self._rows], arrays.adds_contact_force[:] = 0.0, False
-        self._rows = contact.rows if free == 0 else self._rows[:0]
-        arrays.adds_contact_force[self._group_of_node[self._rows]] = True
-        if free > 0:
-            return free, False
-        contact.push(now, arrays.contact_force, step, self._dt)
-        return contact.push_steps(step), True
 
 
 @cached_njit(nogil=True, error_model="numpy")

@@ -87,12 +87,21 @@ def find_crack_events(
         for fork in find_forks(branches)[:1]
     ]
     first = breaks.step[:1][breaks.step[:1] <= until].tolist()
+    # the first step at which the plate is split, by bisection, as a cracked node stays cracked
+    steps = np.unique(since[since >= 0])
+    low, high = 0, len(steps)
+    while low < high:
+        middle = (low + high) // 2
+        if plate_is_split(nodes, (since >= 0) & (since <= steps[middle])):
+            high = middle
+        else:
+            low = middle + 1
     return CrackEvents(
         first_break=CrackEvent(first[0], first[0] * time_step) if first else None,
         initial_tip=ends[0],
         start=start,
         branching=forked[0] if forked else None,
-        split=_find_first_split_event(nodes, since, time_step),
+        split=None if low == len(steps) else CrackEvent(int(steps[low]), int(steps[low]) * time_step),
         final_tip=ends[1],
     )
 
@@ -125,16 +134,3 @@ def plate_is_split(nodes: Nodes, cracked: NDArray[np.bool_]) -> bool:
         return False
     piece = np.bincount(cluster_nodes(nodes.position[sound], nodes.delta[sound], link_distance=1.0))
     return int((piece > PIECE * len(cracked)).sum()) > 1
-
-
-def _find_first_split_event(nodes: Nodes, cracked_step: NDArray[np.int64], time_step: float) -> CrackEvent | None:
-    """The first step at which the plate is split, by bisection, as a cracked node stays cracked."""
-    steps = np.unique(cracked_step[cracked_step >= 0])
-    low, high = 0, len(steps)
-    while low < high:
-        middle = (low + high) // 2
-        if plate_is_split(nodes, (cracked_step >= 0) & (cracked_step <= steps[middle])):
-            high = middle
-        else:
-            low = middle + 1
-    return None if low == len(steps) else CrackEvent(int(steps[low]), int(steps[low]) * time_step)

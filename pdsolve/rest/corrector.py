@@ -178,7 +178,17 @@ class Corrector:
             else:
                 right_sides = np.column_stack([now.rest, self.free_force_by_load_factor(matrix)])
                 a, b = self._solve(matrix, right_sides, np.column_stack([0 * b, b])).T
-                following = self._turn(aim, missed, guess, now, a, b)
+                q, growth = aim.control.gradient_by_displacement(now.value, now.response), self.loads.prescribed_growth
+                along = float(q.ravel()[self._free] @ b) + float((q * growth).sum())
+                if along == 0 or not np.isfinite(along):
+                    following = None
+                else:
+                    turn = (missed - float(q.ravel()[self._free] @ a)) / along
+                    move = turn * growth
+                    move.ravel()[self._free] = a + turn * b
+                    reach = FAR * max(float(np.abs(place.displacement).max()) for place in (aim.last_point, guess))
+                    size = min(1.0, reach / max(float(np.abs(move).max()), 1e-300))
+                    following = self._iterate(now.value + size * move, now.factor + size * turn)
             if following is None:
                 break
             now, iteration = following, iteration + 1
@@ -236,16 +246,3 @@ class Corrector:
                 return following
             size /= 2
         return None
-
-    def _turn(self, aim: Aim, missed: float, guess: PathPoint, now: _Iterate, a: Array, b: Array) -> _Iterate | None:
-        """Go along a + d lambda b so that the control is what it aims at; None: it does not depend on the loads."""
-        q, growth = aim.control.gradient_by_displacement(now.value, now.response), self.loads.prescribed_growth
-        along = float(q.ravel()[self._free] @ b) + float((q * growth).sum())
-        if along == 0 or not np.isfinite(along):
-            return None
-        turn = (missed - float(q.ravel()[self._free] @ a)) / along
-        move = turn * growth
-        move.ravel()[self._free] = a + turn * b
-        reach = FAR * max(float(np.abs(place.displacement).max()) for place in (aim.last_point, guess))
-        size = min(1.0, reach / max(float(np.abs(move).max()), 1e-300))
-        return self._iterate(now.value + size * move, now.factor + size * turn)

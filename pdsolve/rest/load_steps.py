@@ -32,7 +32,6 @@ from pdsolve.rest.equilibrium import (
     EquilibriumConditions,
     EquilibriumMethod,
     NotConvergedError,
-    ProgressReport,
     force_densities,
     norm,
 )
@@ -140,13 +139,20 @@ class LoadSteps(Stepper):
             self.step_results.append(
                 LoadStepStatistics(step, equilibrium.iterations, equilibrium.residual, breaks + growth_count, least)
             )
-            self._warn_of_unstable_crack_growth(
-                step,
-                least * self._loading_norm(state, self._drive.force.astype(float)) < start,
-                least,
-                dissipated_energy,
-                state,
-            )
+            # a crack that grew a long way at a smaller load than that of the step before is reported, once
+            cost = self._dissipated_and_released_energy(state) - dissipated_energy
+            crack_area = float(self._model.horizons.max()) ** (self._model.grid.dimension - 1)
+            least_cost = crack_area * float(self._model.node_values("G0").min())
+            is_smaller = least * self._loading_norm(state, self._drive.force.astype(float)) < start
+            if step > 1 and is_smaller and cost > JUMP * least_cost and not self._warned:
+                self._warned = True
+                warnings.warn(
+                    f"{self._model.name}: load step {step} ({step * self._dt:.4g} s): snap-back: the crack jumped at"
+                    f" this load ({cost:.3g} J/m released), though {least:.3g} of it was enough; the result is"
+                    " that of a jump at this load",
+                    ModelWarning,
+                    stacklevel=2,
+                )
         return end_step - 1
 
     def set_swelling_strain(self, strain: Array, state: State, on_next_equilibrium: Callable[[State], object]) -> None:
@@ -216,24 +222,6 @@ class LoadSteps(Stepper):
         steps = [dict(zip(SUMMARY_KEYS, row, strict=True)) for row in self.step_results]
         return {"method": self.method.description, "load_steps": steps}
 
-    def _warn_of_unstable_crack_growth(
-        self, step: int, load_is_smaller: bool, breaking_load_share: float, dissipated_before: float, state: State
-    ) -> None:
-        """Report, once, a crack that grew a long way at a smaller load than that of the step before."""
-        model = self._model
-        cost = self._dissipated_and_released_energy(state) - dissipated_before
-        crack_area = float(model.horizons.max()) ** (model.grid.dimension - 1)
-        least_cost = crack_area * float(self._model.node_values("G0").min())
-        if step > 1 and load_is_smaller and cost > JUMP * least_cost and not self._warned:
-            self._warned = True
-            warnings.warn(
-                f"{model.name}: load step {step} ({step * self._dt:.4g} s): snap-back: the crack jumped at this"
-                f" load ({cost:.3g} J/m released), though {breaking_load_share:.3g} of it was enough; the result is"
-                " that of a jump at this load",
-                ModelWarning,
-                stacklevel=2,
-            )
-
     def _dissipated_and_released_energy(self, state: State) -> float:
         """Energy, J/m, dissipated by broken bonds and released by the plate on its way to rest."""
         return float(np.sum(self._area * (state.dissipated + state.damped)))
@@ -258,9 +246,23 @@ class LoadSteps(Stepper):
             places = [np.where(self.held, start + share * (at - start), 0.0) for share in ((done + end) / 2, end)]
             value, operator_arrays = state.value.copy(), self._operator.checkpoint_arrays()
             try:
-                equilibrium = self._solve_midpoint_and_end(
-                    state, loads, places, self._make_progress_callback(step, iterations)
-                )
+                report_progress = self._make_progress_callback(step, iterations)
+                u = [state.value.copy()]
+                pushed = [self.loads_and_reactions(state, loads[0])]
+                part_iterations = 0
+                for load, place in zip(loads[1:], places, strict=True):
+                    equilibrium = self.method.solve_equilibrium(
+                        state, EquilibriumConditions(load, self.held, place, self._inner), report_progress
+                    )
+                    part_iterations += equilibrium.iterations
+                    u.append(state.value.copy())
+                    pushed.append(self.loads_and_reactions(state, load))
+                    self._remember(state)
+                # work, J/m^3, of forces along the path through three states, quadratic in between
+                (u0, um, u1), (f0, fm, f1) = u, pushed
+                work = (f0 * (4 * um - 3 * u0 - u1) + 4 * fm * (u1 - u0) + f1 * (u0 - 4 * um + 3 * u1)) / 6
+                state.work[:] += work.sum(axis=1)
+                equilibrium = Equilibrium(part_iterations, equilibrium.residual)
             except NotConvergedError as error:
                 state.value[:], part = value, part / 2
                 self._operator.restore(operator_arrays, self._operator.broken())
@@ -282,31 +284,6 @@ class LoadSteps(Stepper):
             f"limit load: no equilibrium above {converged_share:.3g} of this load step, as {flowing} of"
             f" {len(self._area)} nodes flow; use smaller loads, prescribed displacements, or material.hardening"
         )
-
-    def _solve_midpoint_and_end(
-        self,
-        state: State,
-        loads_at_start_middle_and_end: list[Array],
-        displacements_at_middle_and_end: list[Array],
-        report_progress: ProgressReport,
-    ) -> Equilibrium:
-        """Find equilibrium half the way to the last of three loads, and there; books the work."""
-        u = [state.value.copy()]
-        pushed = [self.loads_and_reactions(state, loads_at_start_middle_and_end[0])]
-        iterations = 0
-        for load, place in zip(loads_at_start_middle_and_end[1:], displacements_at_middle_and_end, strict=True):
-            equilibrium = self.method.solve_equilibrium(
-                state, EquilibriumConditions(load, self.held, place, self._inner), report_progress
-            )
-            iterations += equilibrium.iterations
-            u.append(state.value.copy())
-            pushed.append(self.loads_and_reactions(state, load))
-            self._remember(state)
-        # work, J/m^3, of forces along the path through three states, quadratic in between
-        (u0, um, u1), (f0, fm, f1) = u, pushed
-        work = (f0 * (4 * um - 3 * u0 - u1) + 4 * fm * (u1 - u0) + f1 * (u0 - 4 * um + 3 * u1)) / 6
-        state.work[:] += work.sum(axis=1)
-        return Equilibrium(iterations, equilibrium.residual)
 
     def break_overstretched_bonds_and_solve_equilibrium(
         self, state: State, step: int, equilibrium: Equilibrium

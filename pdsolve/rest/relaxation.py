@@ -64,43 +64,31 @@ class DynamicRelaxation(EquilibriumMethod):
         """Move the values of the state to equilibrium by dynamic relaxation, in place. Raises NotConvergedError."""
         start, mass = state.value.copy(), np.broadcast_to(self._mass, state.value.shape).copy()
         mass[mass == 0] = 1.0  # of a node without a bond
-        free, done = ~conditions.constrained, 0
+        free, iteration = ~conditions.constrained, 0
         while True:
             state.value[:] = np.where(free, start, conditions.prescribed_displacement)
-            equilibrium, last = self._relax(state, conditions, mass, done, report_progress)
-            if equilibrium is not None:
-                return equilibrium
-            if last >= self._most or not mass.max() < 100 * self._mass.max():
+            v, before = np.zeros(state.value.shape), np.zeros(state.value.shape)
+            begin, least, first = state.value.copy(), np.inf, True
+            while iteration <= self._most:
+                out = force_densities(self._operator, state)
+                residual = relative_residual(state, conditions, out, self._least)
+                if residual < self._tolerance:
+                    return Equilibrium(iteration, residual)
+                if not residual < GROWN * max(least, self._tolerance):  # the motion grows
+                    break
+                least = min(least, residual)
+                if iteration % LOOK == 0:
+                    report_progress(iteration, residual)
+                _take_relaxation_step(state.value, v, out, conditions.body_force, free, mass, before, begin, first, CAP)
+                first, iteration = False, iteration + 1
+            iteration = min(iteration, self._most)
+            if iteration >= self._most or not mass.max() < 100 * self._mass.max():
                 raise NotConvergedError(
-                    f"no equilibrium after {last} iterations of {self.description} (tolerance {self._tolerance:g} of"
-                    " the external forces); allow more iterations (run.static.iterations), or a larger tolerance"
+                    f"no equilibrium after {iteration} iterations of {self.description} (tolerance"
+                    f" {self._tolerance:g} of the external forces); allow more iterations (run.static.iterations), or a"
+                    " larger tolerance"
                 )
-            done, mass = last, mass * HEAVIER
-
-    def _relax(
-        self,
-        state: State,
-        conditions: EquilibriumConditions,
-        mass: NDArray[np.float64],
-        iterations_before: int,
-        report_progress: ProgressReport,
-    ) -> tuple[Equilibrium | None, int]:
-        """Relax from the current state; None if the motion grows or iterations run out; and the iterations so far."""
-        v, before, free = np.zeros(state.value.shape), np.zeros(state.value.shape), ~conditions.constrained
-        start, least, first = state.value.copy(), np.inf, True
-        for iteration in range(iterations_before, self._most + 1):
-            out = force_densities(self._operator, state)
-            residual = relative_residual(state, conditions, out, self._least)
-            if residual < self._tolerance:
-                return Equilibrium(iteration, residual), iteration
-            if not residual < GROWN * max(least, self._tolerance):
-                return None, iteration
-            least = min(least, residual)
-            if iteration % LOOK == 0:
-                report_progress(iteration, residual)
-            _take_relaxation_step(state.value, v, out, conditions.body_force, free, mass, before, start, first, CAP)
-            first = False
-        return None, self._most
+            mass = mass * HEAVIER
 
 
 @cached_njit(error_model="numpy")

@@ -209,7 +209,13 @@ def _locked(path: Path, place: Path) -> int | None:
         if _is_at(handle, place):
             break
         os.close(handle)  # of a run that has ended in this moment
-    if not _is_ours(handle):
+    # ours has one name, and says a process or nothing
+    status = os.fstat(handle)
+    is_ours = stat.S_ISREG(status.st_mode) and status.st_nlink <= 1
+    if is_ours:
+        os.lseek(handle, 0, os.SEEK_SET)
+        is_ours = LOCK.fullmatch(os.read(handle, 300)) is not None
+    if not is_ours:
         os.close(handle)
         raise WriteError(f"{place} is no lock of pdsolve for {path.name}; move it away")
     with suppress(OSError):  # a full disk: the name is missing, the lock holds
@@ -218,15 +224,6 @@ def _locked(path: Path, place: Path) -> int | None:
         on_host = f" on {host}" if host else ""
         os.write(handle, f"process {os.getpid()}{on_host}\n".encode())
     return handle
-
-
-def _is_ours(handle: int) -> bool:
-    """Whether a file is a lock that may be written over and removed: it has one name, and says a process or nothing."""
-    status = os.fstat(handle)
-    if not stat.S_ISREG(status.st_mode) or status.st_nlink > 1:
-        return False
-    os.lseek(handle, 0, os.SEEK_SET)
-    return LOCK.fullmatch(os.read(handle, 300)) is not None
 
 
 def _is_at(handle: int, place: Path) -> bool:

@@ -222,7 +222,16 @@ class EnergyAccounts:
             _, node = max(team.everywhere(find_fastest_local_node, finite), key=itemgetter(0))  # the first of them
             raise UnstableError(instability_message(self._system, self.last, most, node))
         self._largest_work = max(self._largest_work, abs(self.last.work))
-        self._check_motion(step)
+        extents = [report.displacement_range for report in self._reports]
+        low = tuple(map(min, zip(*(extent.minimum_by_axis for extent in extents), strict=True)))
+        high = tuple(map(max, zip(*(extent.maximum_by_axis for extent in extents), strict=True)))
+        extent, checks = DisplacementRange(low, high, extents[0].dtype_name), self._team.subdomain.motion_checks
+        if checks.triangles_may_be_inverted(extent):
+            texts = self._team.everywhere(describe_local_inverted_triangle)
+            text = next((text for text in texts if text is not None), None)
+            if text is not None:
+                checks.warn_of_inverted_triangle(text, step)
+        checks.warn_of_imprecise_displacements(extent, step)
         if self._flows:
             self._flows = not warn_if_plastic_strain_is_large(self._system, step)
         self._balance_rows.append(self.last)
@@ -232,19 +241,6 @@ class EnergyAccounts:
             }
             self._probes += [(step, time, *rows[row]) for row in self._probed]
         self._reactions += team.everywhere(sum_condition_forces, step, time)[-1]
-
-    def _check_motion(self, step: int) -> None:
-        """Warn of inverted triangles, and of displacements too large for their precision."""
-        extents = [report.displacement_range for report in self._reports]
-        least = tuple(map(min, zip(*(extent.minimum_by_axis for extent in extents), strict=True)))
-        most = tuple(map(max, zip(*(extent.maximum_by_axis for extent in extents), strict=True)))
-        extent, checks = DisplacementRange(least, most, extents[0].dtype_name), self._team.subdomain.motion_checks
-        if checks.triangles_may_be_inverted(extent):
-            texts = self._team.everywhere(describe_local_inverted_triangle)
-            text = next((text for text in texts if text is not None), None)
-            if text is not None:
-                checks.warn_of_inverted_triangle(text, step)
-        checks.warn_of_imprecise_displacements(extent, step)
 
     def move_rows_into(self, frame: FrameRecord) -> FrameRecord:
         """The frame with the records since the last one."""

@@ -47,8 +47,17 @@ def divide_bonds_at_cell_borders(offsets: NDArray[np.int64]) -> BondPartsInCells
     for position, (k, xi) in product(range(2**d), enumerate(offsets.tolist())):
         x = cell_corner((0,) * d, position)
         bounds[position, k] = len(cells)
-        for side, parts in enumerate(_divide_bond_at_cell_borders(x, xi)):
-            for begin, end, cell in parts:
+        crossings = {0.0, 1.0}
+        for start, step in zip(x, xi, strict=True):
+            low, high = sorted((start, start + step))
+            crossing = ((line - start) / step for line in range(low + low % 2, high + 1, 2) if step)
+            crossings |= {share for share in crossing if 0 < share < 1}
+        # the directions from a bond to its cells: both across each line or face between cells that it lies in
+        across = ((-0.5, 0.5) if step == 0 and start == 0 else (0.0,) for start, step in zip(x, xi, strict=True))
+        for side, off in enumerate(product(*across)):
+            for begin, end in pairwise(sorted(crossings)):
+                middle = (begin + end) / 2
+                cell = tuple(int((start + middle * step + s) // 2) for start, step, s in zip(x, xi, off, strict=True))
                 shares.append((begin, end))
                 cells.append(cell)
                 ends.append([[start + t * step for start, step in zip(x, xi, strict=True)] for t in (begin, end)])
@@ -63,27 +72,6 @@ def divide_bonds_at_cell_borders(offsets: NDArray[np.int64]) -> BondPartsInCells
     return BondPartsInCells(
         bounds, np.array(shares), np.array(cells), end_cells.astype(np.int64), beyond, bits, lowest, wide
     )
-
-
-def _divide_bond_at_cell_borders(x: tuple[int, ...], xi: list[int]) -> list[list[tuple[float, float, tuple[int, ...]]]]:
-    """The parts of bond `xi` (d,) from a node at x (d,), 0 or 1, in its cell, by side: where each begins and ends, as
-    shares of the bond, and the cell it is in."""
-    crossings = {0.0, 1.0}
-    for start, step in zip(x, xi, strict=True):
-        low, high = sorted((start, start + step))
-        shares = ((line - start) / step for line in range(low + low % 2, high + 1, 2) if step)
-        crossings |= {share for share in shares if 0 < share < 1}
-    parts_by_side = []
-    # the directions from a bond to its cells: both across each line or face between cells that it lies in
-    across = ((-0.5, 0.5) if step == 0 and start == 0 else (0.0,) for start, step in zip(x, xi, strict=True))
-    for side in product(*across):
-        parts = []
-        for t0, t1 in pairwise(sorted(crossings)):
-            middle = (t0 + t1) / 2
-            cell = (int((start + middle * step + s) // 2) for start, step, s in zip(x, xi, side, strict=True))
-            parts.append((t0, t1, tuple(cell)))
-        parts_by_side.append(parts)
-    return parts_by_side
 
 
 # The lowest of the cells around fine node x (d,), of which `BondPartsInCells` has bits

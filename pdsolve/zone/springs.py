@@ -44,22 +44,19 @@ def create_springs_of_materials(materials: tuple[Material, ...], ratio: float, h
     """Springs of each material, all of one family: 0 where a material has none but another has some."""
     farther = any(has_partial_cells(material) for material in materials)
     xi = offsets(ratio + 0.5 if farther else ratio)
-    moduli = [_calibrated_bond_moduli(material, ratio, np.hypot(*xi.T)) for material in materials]
+    length, moduli = np.hypot(*xi.T), []
+    for material in materials:  # in a lattice of spacing 1
+        reach, partial = np.full(len(length), float(ratio)), has_partial_cells(material)
+        counted = hu_beta(length, reach, np.ones(len(length))) if partial else 1.0
+        factors = calibration(ratio, material, partial)
+        c = factors.stiffness * micromodulus(material, length, reach) * counted * factors.shells.at(length)
+        moduli.append(np.where(c > NOTHING * c.max(), c, 0.0))
     in_family = np.logical_or.reduce([c > 0 for c in moduli]) & ((xi[:, 1] > 0) | ((xi[:, 1] == 0) & (xi[:, 0] > 0)))
     xi = np.concatenate([xi[in_family], -xi[in_family]])
     return tuple(
         _create_family_springs(material, ratio, h, xi, np.tile(c[in_family], 2))
         for material, c in zip(materials, moduli, strict=True)
     )
-
-
-def _calibrated_bond_moduli(material: Material, ratio: float, length: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Calibrated modulus (k,) of bonds of these lengths, in a lattice of spacing 1."""
-    reach, partial = np.full(len(length), float(ratio)), has_partial_cells(material)
-    counted = hu_beta(length, reach, np.ones(len(length))) if partial else 1.0
-    factors = calibration(ratio, material, partial)
-    c = factors.stiffness * micromodulus(material, length, reach) * counted * factors.shells.at(length)
-    return np.where(c > NOTHING * c.max(), c, 0.0)
 
 
 def _create_family_springs(

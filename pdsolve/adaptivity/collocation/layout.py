@@ -161,7 +161,14 @@ def _create_plate(
     cracks = (model.grid.cracks - np.tile(model.grid.position.min(axis=0), 2)) / lattice.spacing
     check_no_precrack_on_node(model, cracks, numbering.nx - 1, numbering.ny - 1)
     cracks = lengthen_cracks(cracks)
-    near = _mask_near_edges_and_cracks(lattice.cell_area_share[0], numbering, cracks) & has_node
+    # places within a family's reach of a missing or partial cell, or of a pre-crack
+    odd = lattice.cell_area_share[0] != 1
+    for x0, y0, x1, y1 in cracks:
+        share = np.linspace(0, 1, 2 + int(4 * np.hypot(x1 - x0, y1 - y0)))
+        x, y = np.round(x0 + share * (x1 - x0)).astype(int), np.round(y0 + share * (y1 - y0)).astype(int)
+        inside = (x >= 0) & (x < numbering.nx) & (y >= 0) & (y < numbering.ny)
+        odd[(y[inside] + numbering.row_margin) * numbering.row_stride + numbering.left_margin + x[inside]] = True
+    near = dilate_mask(odd, numbering, numbering.row_margin + 1) & has_node
     near_places, cut_counts = np.flatnonzero(near), np.zeros(numbering.place_count, dtype=np.int64)
     has_full_family, has_condition = has_node & ~near, lattice.no_fail.copy()
     has_condition[place_of_grid_row] |= mask_nodes_with_conditions(model)
@@ -203,19 +210,6 @@ def mask_rows_without_full_families(lattice: LatticeConstants) -> NDArray[np.boo
     )
     edge_rows[-2:] = True
     return edge_rows
-
-
-def _mask_near_edges_and_cracks(
-    area_share: NDArray[np.float64], numbering: PlateNumbering, cracks: NDArray[np.float64]
-) -> NDArray[np.bool_]:
-    """Mask of places within a family's reach of a missing or partial cell, or of a pre-crack."""
-    odd = area_share != 1
-    for x0, y0, x1, y1 in cracks:
-        share = np.linspace(0, 1, 2 + int(4 * np.hypot(x1 - x0, y1 - y0)))
-        x, y = np.round(x0 + share * (x1 - x0)).astype(int), np.round(y0 + share * (y1 - y0)).astype(int)
-        inside = (x >= 0) & (x < numbering.nx) & (y >= 0) & (y < numbering.ny)
-        odd[(y[inside] + numbering.row_margin) * numbering.row_stride + numbering.left_margin + x[inside]] = True
-    return dilate_mask(odd, numbering, numbering.row_margin + 1)
 
 
 def _cut_bonds_across_holes(

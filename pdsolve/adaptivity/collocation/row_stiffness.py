@@ -38,7 +38,17 @@ def store_stiffness_once_for_equal_rows(
     """Both with the stiffnesses of rows, stored once for equal rows."""
     at_edge, is_cut = mask_rows_without_full_families(lattice), plate.cut_bond_bits.any(axis=1)
     rows = np.flatnonzero(at_edge & (lattice.cell_area_share[0] > 0).reshape(-1, ROW).any(axis=1))
-    first, number, count = _distinct_rows(_number_distinct_row_surroundings(lattice, rows))
+    numbering, wide = lattice.numbering, -(-lattice.numbering.row_margin // ROW)
+    what = (
+        np.concatenate([lattice.cell_area_share, lattice.surface_correction])
+        .reshape(3, -1, ROW)
+        .transpose(1, 0, 2)
+        .reshape(-1, 3 * ROW)
+    )
+    kind = np.pad(_distinct_rows(what)[1], wide)
+    surroundings = _distinct_rows(np.lib.stride_tricks.sliding_window_view(kind, 2 * wide + 1))[1]
+    within_reach = np.arange(-numbering.row_margin, numbering.row_margin + 1) * (numbering.row_stride // ROW)
+    first, number, count = _distinct_rows(surroundings[rows[:, None] + within_reach])
     often = np.argsort(-count, kind="stable")[: ROOM // (8 * ROW * len(lattice.neighbour_offsets))]
     often = often[count[often] >= ALIKE]
     index_of_kind = np.full(len(count), COMPUTED)
@@ -49,24 +59,6 @@ def store_stiffness_once_for_equal_rows(
     stiffness[UNCORRECTED] = lattice.spring_table[:, 5, None]
     _store_stiffness_of_rows(lattice, rows[first[often]], stiffness[1:])
     return lattice._replace(row_stiffness=stiffness), plate._replace(stiffness_index_of_row=index)
-
-
-def _number_distinct_row_surroundings(lattice: LatticeConstants, rows: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Surroundings of each of these rows (r, ...) within reach of its bonds; rows with equal surroundings are equal."""
-    numbering, wide = lattice.numbering, -(-lattice.numbering.row_margin // ROW)
-    what = (
-        np.concatenate([lattice.cell_area_share, lattice.surface_correction])
-        .reshape(3, -1, ROW)
-        .transpose(1, 0, 2)
-        .reshape(-1, 3 * ROW)
-    )
-    kind = np.pad(_distinct_rows(what)[1], wide)
-    surroundings = _distinct_rows(np.lib.stride_tricks.sliding_window_view(kind, 2 * wide + 1))[1]
-    return np.asarray(
-        surroundings[
-            rows[:, None] + np.arange(-numbering.row_margin, numbering.row_margin + 1) * (numbering.row_stride // ROW)
-        ]
-    )
 
 
 def _distinct_rows(values: NDArray[np.generic]) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:

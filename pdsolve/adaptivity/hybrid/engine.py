@@ -419,7 +419,10 @@ class HybridEngine:
             for field, values in (("u", nodes.u[0]), ("v", nodes.v), ("f", nodes.f)):
                 values[:, places] = entry(checkpoint, f"{name}_{field}", (2, len(places)), values.dtype)
             nodes.has_large_stretch[rows] = entry(checkpoint, f"{name}_wide", rows.shape, np.uint8)
-        _restore_prescribed_motions(checkpoint, zone)
+        for name, column in zip(
+            PRESCRIBED_COLUMNS, like(checkpoint, "holds", _prescribed_motion_columns(zone)).T, strict=True
+        ):
+            zone.holds.entries[name] = column
         _restore_damped_energies(checkpoint, zone)
         self.zone = zone._replace(totals=arrays.EnergyTotals.of(like(checkpoint, "total", zone.totals.values())))
 
@@ -480,14 +483,6 @@ class HybridEngine:
 def _prescribed_motion_columns(zone: PlateZone) -> NDArray[np.float64]:
     """Values, velocities and forces (e, 4) of all held components, as checkpoints have them."""
     return np.column_stack([zone.holds.entries[name] for name in PRESCRIBED_COLUMNS])
-
-
-def _restore_prescribed_motions(checkpoint: CheckpointArrays, zone: PlateZone) -> None:
-    """Restore values, velocities and forces of all held components."""
-    for name, column in zip(
-        PRESCRIBED_COLUMNS, like(checkpoint, "holds", _prescribed_motion_columns(zone)).T, strict=True
-    ):
-        zone.holds.entries[name] = column
 
 
 def _restore_damped_energies(checkpoint: CheckpointArrays, zone: PlateZone) -> None:

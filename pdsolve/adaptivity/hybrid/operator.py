@@ -65,7 +65,16 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         self.places = number_current_nodes(
             hybrid.plate.numbering, fine, self._coarse, self._fine_rows, self._coarse_rows
         )
-        self._far_rows = self._renumber_with_coarsest_nodes()
+        # number the far nodes too
+        if not len(self._far):
+            self._far_rows = np.zeros(0, dtype=np.int32)
+        else:
+            beneath, before = self.engine.fine_places_of_coarsest_nodes(self._far.astype(np.int64)), self.places
+            both = np.sort(np.concatenate([before, beneath]), kind="stable")  # two runs, which are merged
+            self.places = both[np.append(True, both[1:] != both[:-1])]
+            rows = np.searchsorted(self.places, before)
+            self._fine_rows[:], self._coarse_rows[:] = rows[self._fine_rows], rows[self._coarse_rows]
+            self._far_rows = np.searchsorted(self.places, beneath).astype(np.int32)
         self._lists = NodeLists(fine, self._coarse, self._fine_rows, self._coarse_rows)
         self._bonds = np.zeros(
             (len(fine), len(hybrid.lattice.neighbour_offsets)), dtype=np.bool_
@@ -97,17 +106,6 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
     def kind(self) -> np.dtype[Any]:
         """Precision of the motion."""
         return self.engine.zone.fine.u.dtype
-
-    def _renumber_with_coarsest_nodes(self) -> NDArray[np.int32]:
-        """Number the far nodes too; returns their rows (f,)."""
-        if not len(self._far):
-            return np.zeros(0, dtype=np.int32)
-        beneath, before = self.engine.fine_places_of_coarsest_nodes(self._far.astype(np.int64)), self.places
-        both = np.sort(np.concatenate([before, beneath]), kind="stable")  # two runs, which are merged
-        self.places = both[np.append(True, both[1:] != both[:-1])]
-        rows = np.searchsorted(self.places, before)
-        self._fine_rows[:], self._coarse_rows[:] = rows[self._fine_rows], rows[self._coarse_rows]
-        return np.searchsorted(self.places, beneath).astype(np.int32)
 
     def _count_changes_and_coarse_cells(self) -> tuple[int, int]:
         """How many changes of cells there have been, and how many cells are coarse."""
@@ -175,18 +173,16 @@ class HybridOperator(TwoLatticeOperator[HybridEngine]):
         ].astype(np.int16)
         for rows, _ in self._coarse_rows_and_places_in_chunks():
             alone = rows[~fine[rows]]
-            family[alone] = np.maximum(family[alone], self._count_springs_with_cut_ones(alone))
+            plate, zone = self.engine.plate, self.engine.zone
+            x, y = lattice_coordinates(plate.numbering.fine, self.places[alone])
+            corner = place_number_at(plate.numbering.cells, (x // 2, y // 2))
+            south, west = plate.numbering.cells.strides[1], 1
+            ne, nw, sw, se = (zone.cell_kinds[corner - away] == COARSE for away in (0, west, south + west, south))
+            edges = [ne | se, ne | nw, nw | sw, sw | se]
+            family[alone] = np.maximum(
+                family[alone], np.asarray(sum(is_coarse.astype(np.int16) for is_coarse in (ne, nw, sw, se, *edges)))
+            )
         return count, np.maximum(family, 1)  # one that is broken, of a node none of whose bonds is left
-
-    def _count_springs_with_cut_ones(self, rows: NDArray[np.int64]) -> NDArray[np.int16]:
-        """Number of springs of coarse nodes, including those cut by pre-cracks."""
-        plate, zone = self.engine.plate, self.engine.zone
-        x, y = lattice_coordinates(plate.numbering.fine, self.places[rows])
-        corner = place_number_at(plate.numbering.cells, (x // 2, y // 2))
-        south, west = plate.numbering.cells.strides[1], 1
-        ne, nw, sw, se = (zone.cell_kinds[corner - away] == COARSE for away in (0, west, south + west, south))
-        edges = [ne | se, ne | nw, nw | sw, sw | se]
-        return np.asarray(sum(is_coarse.astype(np.int16) for is_coarse in (ne, nw, sw, se, *edges)))
 
     @property
     def signatures_of_changes(self) -> NDArray[np.int16]:

@@ -29,7 +29,7 @@ from pdsolve.codegen.vector_code import ROW
 from pdsolve.conditions import conditions_of, drive, has_conditions, initial_velocity
 from pdsolve.lattice.row_histories import History, create_history
 from pdsolve.laws.calls import bind
-from pdsolve.laws.pair import PairColumns, no_bonds
+from pdsolve.laws.pair import no_bonds
 from pdsolve.laws.pair_laws import bilinear
 from pdsolve.model import Model
 from pdsolve.numerics.memory import aligned, give_back
@@ -142,7 +142,10 @@ def create_lattice_constants(
     law = law_of_zone(model)
     bind(law)
     columns = no_bonds(law)
-    bounds = _strain_bounds(model, columns, peak, limit)
+    kappa = model.settings.run.hybrid.kappa
+    hot = [stretch_that_makes_cells_fine(columns, *ends, kappa=kappa) for ends in zip(peak, limit, strict=True)]
+    check_straight_at_rest(model, min(hot))
+    bounds = np.asarray(double_green_strain_from_stretch(np.column_stack([peak.min(axis=1), limit.min(axis=1), hot])))
     return LatticeConstants(
         empty_law_columns=columns,
         numbering=numbering,
@@ -178,19 +181,6 @@ def create_lattice_constants(
         is_cell_cut=np.zeros(numbering.cells.place_count, dtype=np.bool_),
         precrack_segments=lengthen_cracks(plate.precrack_segments),
     )
-
-
-def _strain_bounds(
-    model: Model, columns: PairColumns, peak: NDArray[np.float64], limit: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """The e (materials, 3) of `LatticeConstants.strain_bounds` from the peaks and limits (materials, k) of bonds.
-
-    Raises ModelError for a law that is not straight at rest.
-    """
-    kappa = model.settings.run.hybrid.kappa
-    hot = [stretch_that_makes_cells_fine(columns, *ends, kappa=kappa) for ends in zip(peak, limit, strict=True)]
-    check_straight_at_rest(model, min(hot))
-    return np.asarray(double_green_strain_from_stretch(np.column_stack([peak.min(axis=1), limit.min(axis=1), hot])))
 
 
 def _coarse_cell_kinds_and_their_constants(

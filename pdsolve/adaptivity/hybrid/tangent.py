@@ -130,22 +130,12 @@ def _springs_of_lattices_and_pieces(
             continue
         pull, eta = stiffness * np.sqrt((xi**2).sum(axis=1)), u[target] - u[source]
         is_longer = ((2 * xi + eta) * eta).sum(axis=1) > 0
-        yield SpringsBetweenPoints(source, target, xi, *_pulls_and_curves(hybrid, places[node], k, pull, is_longer))
+        places = places[node]
+        entry = hybrid.zone.fine.stiffness_index_of_row[places // ROW].astype(np.int64)
+        secant, numbers = secants_or_numbers(hybrid.zone.history, entry, k, places % ROW, is_longer)
+        curves = None if numbers is None else BondCurves(hybrid.law, *numbers)
+        yield SpringsBetweenPoints(source, target, xi, pull * secant, False, curves)
     piece, (first, second) = zone.clipped_pieces.springs[: zone.counts.clipped_pieces], points.piece_end_points
     piece_xi = np.column_stack([piece["xi_x"], piece["xi_y"]])
     for near, far, sign in ((first, second, 1.0), (second, first, -1.0)):
         yield SpringsBetweenPoints(near, far, sign * piece_xi, piece["stiffness"], True)
-
-
-def _pulls_and_curves(
-    hybrid: HybridEngine,
-    places: NDArray[np.int64],
-    k: NDArray[np.int64],
-    pull: NDArray[np.float64],
-    is_longer: NDArray[np.bool_],
-) -> tuple[NDArray[np.float64], bool, BondCurves | None]:
-    """What fine bonds (b,) from these places, with their numbers in the family, have as `SpringsBetweenPoints`, from
-    their `pull` at unit stretch before they soften."""
-    entry = hybrid.zone.fine.stiffness_index_of_row[places // ROW].astype(np.int64)
-    secant, numbers = secants_or_numbers(hybrid.zone.history, entry, k, places % ROW, is_longer)
-    return pull * secant, False, None if numbers is None else BondCurves(hybrid.law, *numbers)

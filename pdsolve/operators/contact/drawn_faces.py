@@ -64,7 +64,16 @@ def drawn_faces(grid: Grid, surface: NDArray[np.bool_]) -> DrawnFaces:
     rows = np.flatnonzero(surface)
     if grid.bodies is None or not grid.outline or not len(rows):
         return faces
-    facets = _facets(grid)
+    if grid.dimension == 3:
+        facets = outward(grid.faces)
+    else:
+        sides = []
+        for place, ring in enumerate((*grid.outline, *grid.holes)):
+            ends = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
+            clockwise = np.linalg.det(ends - ring[0]).sum() < 0
+            sides.append(ends[:, ::-1] if clockwise == (place < len(grid.outline)) else ends)
+        facets = np.concatenate(sides)
+        facets = np.asarray(facets[(facets[:, 0] != facets[:, 1]).any(axis=1)])
     number, near = grid.bodies.number[rows], NEAR * float(grid.delta[rows].max())
     pieces = _pieces(facets, grid.position[rows], near, FINEST[d] * float(grid.delta[rows].min()))
     # The body of each facet, that of the node that is nearest inside of most of its pieces; else -1
@@ -130,19 +139,6 @@ def _on_pieces(grid: Grid, rows: Rows, pieces: Pieces) -> Surface:
             mean[near_nodes, axis] = np.bincount(pairs["i"], column[pairs["j"]], len(near_nodes)) / count
     length = np.sqrt((mean**2).sum(axis=1))
     return Surface(mean / np.maximum(length, 1e-300)[:, None], depth, length > SMOOTH, length < 1 - STRAIGHT)
-
-
-def _facets(grid: Grid) -> Array:
-    """Segments (f, 2, 2) or triangles (f, 3, 3) of all surfaces, m; bodies are to the left of segments."""
-    if grid.dimension == 3:
-        return outward(grid.faces)
-    sides = []
-    for number, ring in enumerate((*grid.outline, *grid.holes)):
-        ends = np.stack([ring, np.roll(ring, -1, axis=0)], axis=1)
-        clockwise = np.linalg.det(ends - ring[0]).sum() < 0
-        sides.append(ends[:, ::-1] if clockwise == (number < len(grid.outline)) else ends)
-    facets = np.concatenate(sides)
-    return np.asarray(facets[(facets[:, 0] != facets[:, 1]).any(axis=1)])
 
 
 def _pieces(facets: Array, places: Array, reach: float, finest: float) -> Pieces:

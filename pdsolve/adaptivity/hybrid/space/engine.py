@@ -167,20 +167,8 @@ class BodyEngine(SwellingBody):
         arrangement.set_node_kinds(numbering, fine.tiles.node, self.cell_kinds, changed, *of_kinds)
         rows, kinds, tiles = fine.tiles.node[changed], self.node_kinds[changed], self.fine.tiles
         tiles.node[changed] = np.select([kinds == FREE, kinds == BORDER], [rows, rows + self.node_count], -1)
-        self._replace_pieces(dirty)
-        of_springs = numbering, self.cell_kinds, self.full_body.relative_cell_modulus, self.full_body.coarse_sites.ways
-        coarse_springs.set_coarse_springs(*of_springs, corners, coarse.tiles)
-        self._set_coarse_nodes(np.asarray(place_number_at(numbering.coarse, tuple(corners.T))))
-        changed_tiles = np.unique(changed // ROW)
-        has_node = (tiles.node.reshape(-1, ROW)[changed_tiles] >= 0).any(axis=1)
-        softened = np.uint8(SOFTENED) * (tiles.memory[changed_tiles] >= 0)
-        tiles.kind[changed_tiles] = np.where(has_node, fine.tiles.kind[changed_tiles] + softened, EMPTY)
-        self.cell_changes += 1
-        self._list_nodes()
-
-    def _replace_pieces(self, dirty: NDArray[np.int64]) -> None:
-        """Set the bits of whole bonds of the fine nodes at these sites (k,), in order, and replace their pieces."""
-        fine, old = self.full_body.fine_lattice, self.clipped_pieces
+        # the bits of whole bonds, and the pieces of the others
+        old = self.clipped_pieces
         of_bonds = fine, self.cell_kinds, self.fine.tiles.bits, dirty
         new = np.empty(2 * len(old) + PIECES_OF_NODE * len(dirty), ClippedBondPiece.fields())
         count = arrangement.mark_whole_bonds_and_list_bond_pieces(*of_bonds, new)
@@ -193,11 +181,11 @@ class BodyEngine(SwellingBody):
         self.clipped_pieces = np.empty(room, ClippedBondPiece.fields())
         order = np.argsort(new["near_end_place"], kind="stable")
         arrangement.merge_bond_pieces_by_near_end(old, is_stale, new, order, self.clipped_pieces)
-
-    def _set_coarse_nodes(self, sites: NDArray[np.int64]) -> None:
-        """Set numbers, volumes and densities of coarse nodes at these coarse sites (k,), and of fine ones in their
-        places."""
-        fine, below = self.full_body.fine_lattice, self.fine_sites_of_coarse(sites)
+        of_springs = numbering, self.cell_kinds, self.full_body.relative_cell_modulus, self.full_body.coarse_sites.ways
+        coarse_springs.set_coarse_springs(*of_springs, corners, coarse.tiles)
+        sites = np.asarray(place_number_at(numbering.coarse, tuple(corners.T)))
+        # numbers, volumes and densities of coarse nodes, and of fine ones in their places
+        below = self.fine_sites_of_coarse(sites)
         rows, inside = np.full(len(sites), -1), np.flatnonzero(below < len(self.node_kinds))
         rows[inside] = fine.tiles.node[below[inside]]
         is_node = rows >= 0
@@ -212,6 +200,12 @@ class BodyEngine(SwellingBody):
         if self._fine_mass is not None:
             self.rho[rows] = self._fine_mass[below] / self.fine_volume[below]
             self.rho[rows[is_coarse]] = self._lump(below[is_coarse], self._fine_mass) / self.volume[rows[is_coarse]]
+        changed_tiles = np.unique(changed // ROW)
+        has_node = (tiles.node.reshape(-1, ROW)[changed_tiles] >= 0).any(axis=1)
+        softened = np.uint8(SOFTENED) * (tiles.memory[changed_tiles] >= 0)
+        tiles.kind[changed_tiles] = np.where(has_node, fine.tiles.kind[changed_tiles] + softened, EMPTY)
+        self.cell_changes += 1
+        self._list_nodes()
 
     def _lump(self, sites: NDArray[np.int64], fine_values: NDArray[np.floating]) -> NDArray[np.float64]:
         """What coarse nodes at fine sites (k,) have of the `fine_values` (sites,) of nodes that are not free."""
@@ -575,19 +569,6 @@ class BodyEngine(SwellingBody):
         which = near[self.nodes.sites]
         rows, holds, row_of = self.nodes.rows[which], self.drive.holds, np.full(self.node_count, -1)
         row_of[rows] = np.arange(len(rows))
-        force = self._force_densities_near(new_cells)[which] + self.zone_drive.force[rows]
-        speed, second = self.gather(self.coarse.v[0], self.fine.v[0])[:, which].T, self.state.second[rows]
-        excess = self.rho[rows, None] * (second + self.damping[rows, None] * speed) - force
-        held = row_of[holds.node]
-        known = held >= 0
-        self.held_force[known] = force[held[known], holds.axis[known]]
-        excess[held[known], holds.axis[known]] = 0.0
-        way = self.time_step * (speed + self.time_step / 2 * second)
-        return float(np.sum(self.volume[rows, None] * excess / 2 * way))
-
-    def _force_densities_near(self, new_cells: NDArray[np.int64]) -> NDArray[np.float64]:
-        """Force densities (k, 3), N/m^3, on the nodes that move whose bonds may be others since cells (j, 3) became
-        fine; nothing breaks."""
         numbering, reach, seam = self.full_body.fine_lattice.numbering, self.full_body.fine_lattice.reach, self.seam
         density, force = np.zeros((2, 2 * self.node_count, 3))
         near, every = mask_near_cells(numbering, new_cells, reach + 2), np.ones(len(self.coarse.tiles.node), np.bool_)
@@ -598,9 +579,17 @@ class BodyEngine(SwellingBody):
         pieces.add_bond_piece_forces(self.fine_u, self.coarse_u, seam.pieces, fine_force, coarse_force)
         add_ground_spring_forces(self.fine_u, self.coarse_u, seam.ground, fine_force, coarse_force)
         self._pass_on(density, coarse_force)
-        rows = self.nodes.rows
-        total = force[rows] + self.gather(coarse_force, fine_force).T
-        return np.asarray(density[rows] + total / self.volume[rows, None])
+        moving_rows = self.nodes.rows
+        total = force[moving_rows] + self.gather(coarse_force, fine_force).T
+        force = (density[moving_rows] + total / self.volume[moving_rows, None])[which] + self.zone_drive.force[rows]
+        speed, second = self.gather(self.coarse.v[0], self.fine.v[0])[:, which].T, self.state.second[rows]
+        excess = self.rho[rows, None] * (second + self.damping[rows, None] * speed) - force
+        held = row_of[holds.node]
+        known = held >= 0
+        self.held_force[known] = force[held[known], holds.axis[known]]
+        excess[held[known], holds.axis[known]] = 0.0
+        way = self.time_step * (speed + self.time_step / 2 * second)
+        return float(np.sum(self.volume[rows, None] * excess / 2 * way))
 
     def _place_border(self) -> None:
         """Place the nodes on the border where coarse nodes have them."""

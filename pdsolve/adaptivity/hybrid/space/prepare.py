@@ -59,7 +59,10 @@ def create_body_operator_and_stable_step(
     swells, steep = model.swells, rows_with_content_jumps(model)
     model = model.moving_part() if swells else model
     law = law_of(model)
-    _check_law(model, law)
+    pair = law.pair
+    if pair is not None and pair.is_curved and (pair.elastic_in_compression or len(model.materials) > 1):
+        which = f"{model.place_of(len(model.materials) - 1)}.law", f"'{model.materials[-1].law}'"
+        raise create_unsupported_error(model, *which, "one material, and no elastic_in_compression, of a curved law")
     tiling = tiled(model, np.float64)
     if tiling is None:
         raise create_unsupported_error(
@@ -103,14 +106,6 @@ def create_body_operator_and_stable_step(
     engine.time_step = choose_time_step(model, bound)
     engine.initialize_motion(initial_velocity(model))
     return HybridBodyOperator(engine), bound
-
-
-def _check_law(model: Model, law: Law) -> None:
-    """Raise ModelError for a law that tiles do not have."""
-    pair = law.pair
-    if pair is not None and pair.is_curved and (pair.elastic_in_compression or len(model.materials) > 1):
-        which = f"{model.place_of(len(model.materials) - 1)}.law", f"'{model.materials[-1].law}'"
-        raise create_unsupported_error(model, *which, "one material, and no elastic_in_compression, of a curved law")
 
 
 def create_operator_of_cells(

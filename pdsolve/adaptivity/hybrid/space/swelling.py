@@ -52,29 +52,19 @@ def offsets_of_places(
     spacing: float,
 ) -> NDArray[np.float64]:
     """How far places (p, d) are off, m, at the strains (sites,) of fine nodes."""
-    gradient = _minmod_gradient(numbering, places.site, strain, has_node)
-    return np.asarray(-spacing * np.einsum("pij,pj->pi", places.bending, gradient))
-
-
-def _minmod_gradient(
-    numbering: LatticeNumbering, site: NDArray[np.int64], values: NDArray[np.float64], has_node: NDArray[np.bool_]
-) -> NDArray[np.float64]:
-    """The change (p, d) of values (sites,) a spacing: the smaller of those on both sides, 0 if they differ in sign.
-
-    So it is that of linear values, and no leap at a crack is one.
-    """
-    gradient = np.zeros((len(site), len(numbering.counts)))
-    for axis, along in enumerate(lattice_coordinates(numbering, site)):
+    # the smaller change of strain of those on both sides, 0 if they differ in sign: so no leap is one
+    gradient = np.zeros((len(places.site), len(numbering.counts)))
+    for axis, along in enumerate(lattice_coordinates(numbering, places.site)):
         stride, change, is_there = numbering.strides[axis], [], []
         for side in (-1, 1):
             inside = (along + side >= 0) & (along + side < numbering.counts[axis])
-            end = np.where(inside, site + side * stride, site)
+            end = np.where(inside, places.site + side * stride, places.site)
             is_there.append(inside & has_node[end])
-            change.append(np.where(is_there[-1], side * (values[end] - values[site]), 0.0))
+            change.append(np.where(is_there[-1], side * (strain[end] - strain[places.site]), 0.0))
         down, up = change
         smaller = np.where(up * down > 0, np.where(np.abs(up) < np.abs(down), up, down), 0.0)
         gradient[:, axis] = np.where(is_there[0] & is_there[1], smaller, down + up)
-    return gradient
+    return np.asarray(-spacing * np.einsum("pij,pj->pi", places.bending, gradient))
 
 
 def average_over_neighbours(values: NDArray[np.float64], has_node: NDArray[np.bool_]) -> NDArray[np.float64]:
