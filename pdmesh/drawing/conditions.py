@@ -253,7 +253,17 @@ def with_bodies(scene: S, groups: Groups[G], shapes: GroupShapes[G], parameters:
             )
         spacing = parameters.maybe_length(f"{folder}/Spacing")
         velocity: Any = tuple(parameters.number(f"{folder}/{speed}", 0.0) for speed in speeds)
-        spin = _spin(scene, parameters, f"{folder}/Spin")
+        spin: Any = 0.0  # rad/s; of a body in space about x, y and z
+        if isinstance(scene, Scene):
+            spin = parameters.number(f"{folder}/Spin", spin)
+        else:
+            text = parameters.text(f"{folder}/Spin", "0 0 0")
+            try:
+                x, y, z = map(float, text.split())
+            except ValueError:
+                place = f"parameter '{PREFIX}{folder}/Spin'"
+                raise SceneError(f"{place} is '{text}'; use three numbers 'x y z' in a body") from None
+            spin = x, y, z
         if rigid:
             scene = scene.rigid(
                 shape,
@@ -270,15 +280,3 @@ def with_bodies(scene: S, groups: Groups[G], shapes: GroupShapes[G], parameters:
         material = named.material(parameters, folder, scene.material) if parameter_names else None
         scene = scene.body(shape, name, spacing, material, velocity, spin)
     return scene
-
-
-def _spin(scene: Scene | Body, parameters: Parameters, name: str) -> Any:
-    """Spin, rad/s; of a body in space about x, y and z."""
-    if isinstance(scene, Scene):
-        return parameters.number(name, 0.0)
-    text = parameters.text(name, "0 0 0")
-    try:
-        x, y, z = map(float, text.split())
-    except ValueError:
-        raise SceneError(f"parameter '{PREFIX}{name}' is '{text}'; use three numbers 'x y z' in a body") from None
-    return x, y, z

@@ -78,10 +78,17 @@ def read_part(path: Path, unit: str | None = None) -> CadPart:
     with scratch() as folder:
         (folder / name).write_bytes(data)
         gmsh_output = _read(folder, statements, path)
-        turn = _turn(gmsh_output, path)
-        if turn:
-            statements.append(turn)
-            gmsh_output = _read(folder, statements, path)
+        if "points" not in gmsh_output:
+            points = np.concatenate([curve for surface in gmsh_output["surfaces"] for curve in surface])
+            sides = np.ptp(points, axis=0)
+            across = int(sides.argmin())
+            if sides[2] > FLAT * sides.max():  # a plate that does not lie in the plane x-y
+                if sides[across] > FLAT * sides.max() or not gmsh_output["flat"]:
+                    raise SceneError(
+                        f"{path} has surfaces in space and no volume; save a solid, or a flat plate along two axes"
+                    )
+                statements.append(TURNS[across])
+                gmsh_output = _read(folder, statements, path)
     statements = [line.replace(f'"{name}"', f'"{path.name}"') for line in statements]
     part = _part(path, length, tuple(statements), gmsh_output)
     if unit is None and suffix not in STEP:
@@ -116,23 +123,6 @@ def _read(folder: Path, statements: list[str], path: Path) -> Mapping[str, Any]:
     return gmsh_output
 
 
-def _turn(gmsh_output: Mapping[str, Any], path: Path) -> str:
-    """The statement that turns a plate into the plane x-y; "" for one that lies in it, and for a body.
-
-    Raises SceneError for surfaces that lie in no plane of coordinates.
-    """
-    if "points" in gmsh_output:
-        return ""
-    points = np.concatenate([curve for surface in gmsh_output["surfaces"] for curve in surface])
-    sides = np.ptp(points, axis=0)
-    across = int(sides.argmin())
-    if sides[2] <= FLAT * sides.max():
-        return ""
-    if sides[across] > FLAT * sides.max() or not gmsh_output["flat"]:
-        raise SceneError(f"{path} has surfaces in space and no volume; save a solid, or a flat plate along two axes")
-    return TURNS[across]
-
-
 def _part(path: Path, unit: str, statements: tuple[str, ...], gmsh_output: Mapping[str, Any]) -> CadPart:
     kinds = {int(number): str(kind).lower() for number, kind in gmsh_output["types"].items()}
     shapes: list[Shape] = []
@@ -141,10 +131,15 @@ def _part(path: Path, unit: str, statements: tuple[str, ...], gmsh_output: Mappi
         groups = [group for group in gmsh_output["groups"] if group["dimension"] == 2]
         faces = [places[np.array(group["triangles"], dtype=np.int64).reshape(-1, 3)] for group in groups]
         way = np.split(orientation(np.concatenate(faces)), np.cumsum([len(face) for face in faces])[:-1])
-        shapes = [
-            _face(group["number"], kinds[group["number"]], face, signs)
-            for group, face, signs in zip(groups, faces, way, strict=True)
-        ]
+        for group, triangles, signs in zip(groups, faces, way, strict=True):
+            a, b, c = triangles.transpose(1, 0, 2)
+            across = signs[:, None] * np.cross(b - a, c - a) / 2  # counterclockwise from outside where a sign is 1
+            areas = np.linalg.norm(across, axis=1)
+            area = float(areas.sum())
+            centre = areas @ triangles.mean(axis=1) / areas.sum()
+            normal = across.sum(axis=0) / areas.sum()
+            flat_normal = normal if np.linalg.norm(normal) > PLANE else None
+            shapes.append(Shape(group["number"], kinds[group["number"]], area, centre, flat_normal, triangles))
         size = float(gmsh_output["whole"]["volume"]) or volume(np.concatenate(faces))
     else:
         size = float(sum(face(curves, str(path)).area for curves in gmsh_output["surfaces"]))
@@ -157,15 +152,3 @@ def _part(path: Path, unit: str, statements: tuple[str, ...], gmsh_output: Mappi
     low, high = corners.min(axis=0), corners.max(axis=0)
     dimension = 3 if "points" in gmsh_output else 2
     return CadPart(path, dimension, unit, statements, tuple(shapes), size, gmsh_output["count"], low, high)
-
-
-def _face(number: int, kind: str, triangles: NDArray[np.float64], way: NDArray[np.float64]) -> Shape:
-    """A face of triangles (t, 3, 3) that are counterclockwise from outside where `way` (t,) is 1."""
-    a, b, c = triangles.transpose(1, 0, 2)
-    across = way[:, None] * np.cross(b - a, c - a) / 2
-    areas = np.linalg.norm(across, axis=1)
-    centre = areas @ triangles.mean(axis=1) / areas.sum()
-    normal = across.sum(axis=0) / areas.sum()
-    return Shape(
-        number, kind, float(areas.sum()), centre, normal if np.linalg.norm(normal) > PLANE else None, triangles
-    )

@@ -80,7 +80,14 @@ def _outside(grid: Grid, plate: shapely.Geometry | None, name: str) -> Iterator[
             face = np.repeat(chunk, count)
             row = order[np.arange(count.sum()) + np.repeat(first[chunk] - np.cumsum(count) + count, count)]
             in_bounds = (nodes[row, 1] >= low[face, 1]) & (nodes[row, 1] <= high[face, 1])
-            np.add.at(met, *_met(grid, nodes, corners, row[in_bounds], face[in_bounds]))
+            row, face = row[in_bounds], face[in_bounds]
+            first_edge, second_edge = corners[face, 1] - corners[face, 0], corners[face, 2] - corners[face, 0]
+            from_first, area = nodes[row] - corners[face, 0], _cross(first_edge, second_edge)
+            z = grid.faces[face, :, 2]
+            with np.errstate(divide="ignore", invalid="ignore"):  # faces along the rays, which none meets
+                s, t = _cross(from_first, second_edge) / area, _cross(first_edge, from_first) / area
+                above = z[:, 0] + s * (z[:, 1] - z[:, 0]) + t * (z[:, 2] - z[:, 0]) > grid.position[row, 2]
+                np.add.at(met, row[(s >= 0) & (t >= 0) & (s + t <= 1) & above], 1)
         away, out = np.zeros(len(grid)), np.flatnonzero(met % 2 == 0)
         if len(out):
             away[out] = distances(grid.position[out], grid.faces, OFF * float(grid.delta[out].max()))
@@ -103,19 +110,6 @@ def _outside(grid: Grid, plate: shapely.Geometry | None, name: str) -> Iterator[
     if 2 * len(off) > len(grid):
         raise GridError(f"{message}: most nodes are not of these shapes")
     yield message
-
-
-def _met(grid: Grid, nodes: Array, corners: Array, row: Rows, face: Rows) -> tuple[Rows, int]:
-    """Rows whose rays meet these faces above the node, and 1; `nodes` and `corners` are projected along the rays."""
-    first_edge = corners[face, 1] - corners[face, 0]
-    second_edge = corners[face, 2] - corners[face, 0]
-    from_first = nodes[row] - corners[face, 0]
-    area = _cross(first_edge, second_edge)
-    z = grid.faces[face, :, 2]
-    with np.errstate(divide="ignore", invalid="ignore"):  # faces along the rays, which none meets
-        s, t = _cross(from_first, second_edge) / area, _cross(first_edge, from_first) / area
-        above = z[:, 0] + s * (z[:, 1] - z[:, 0]) + t * (z[:, 2] - z[:, 0]) > grid.position[row, 2]
-        return row[(s >= 0) & (t >= 0) & (s + t <= 1) & above], 1
 
 
 def _cross(a: Array, b: Array) -> Array:

@@ -34,20 +34,12 @@ def wrong_interface(interface: Interface, names: Sequence[str], dimension: int) 
         return ": neither or both of between and faces are given; give one of them"
     if interface.G0 is interface.f_t is None and interface.stiffness == 1:
         return ": none of G0, f_t and stiffness is given; give one of them"
-    return _wrong_constant(interface) or _wrong_regions(interface, names) or _wrong_face(interface, dimension)
-
-
-def _wrong_constant(interface: Interface) -> str | None:
     for name in ("G0", "f_t", "stiffness"):
         value = getattr(interface, name)
         if value is not None and not math.isfinite(value):
             return f".{name} is {value}; use a finite number"
-    return None
-
-
-def _wrong_regions(interface: Interface, names: Sequence[str]) -> str | None:
     if interface.between is None:
-        return None
+        return _wrong_face(interface, dimension)
     known = (*names, REST, ANY)
     for at, name in enumerate(interface.between):
         if name not in known or not name:

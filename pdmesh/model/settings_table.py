@@ -83,18 +83,17 @@ def _below(struct: type[msgspec.Struct], key: str, name: str) -> Iterator[Settin
     if (begins := UNIT.match(comment)) is not None:
         unit, comment = unit or begins[1], comment[begins.end() :]
     values = " or ".join(described(field.type))
-    yield Setting(name, unit, _default(field), values, comment)
-
-
-def _default(field: inspection.Field) -> str:
     if field.required:
-        return "required"
-    value: Any = field.default if field.default is not msgspec.NODEFAULT else field.default_factory()
-    if value is None or value == ():
-        return "none"
-    if isinstance(value, bool):
-        return str(value).lower()
-    return listed(value).replace(" or ", ", ") if isinstance(value, tuple) else f"{value}"
+        default = "required"
+    else:
+        value: Any = field.default if field.default is not msgspec.NODEFAULT else field.default_factory()
+        if value is None or value == ():
+            default = "none"
+        elif isinstance(value, bool):
+            default = str(value).lower()
+        else:
+            default = listed(value).replace(" or ", ", ") if isinstance(value, tuple) else f"{value}"
+    yield Setting(name, unit, default, values, comment)
 
 
 @cache

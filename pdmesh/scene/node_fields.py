@@ -123,7 +123,28 @@ class PlacedField:
         if not isinstance(value, str) or not (is_file(value) or _is_mesh(value)):
             return self
         if _is_mesh(value):
-            return replace(self, value=_table_of_mesh(value, folder, dimension))
+            import meshio  # slow to import, and few scenes have such files
+
+            name, _, wanted = (part.strip() for part in value.partition(":"))
+            path = path_beside(name, folder)
+            try:
+                mesh = meshio.read(path)
+            except (Exception, SystemExit) as error:  # meshio exits where no reader can read the file
+                raise PlaceError(f"{name}: cannot be read ({error}); use a mesh that meshio reads") from None
+            places = {key: mesh.points for key, values in mesh.point_data.items() if np.ndim(values) == 1}
+            values = {key: np.asarray(mesh.point_data[key], dtype=float) for key in places}
+            middles = [mesh.points[block.data].mean(axis=1) for block in mesh.cells]
+            for key, parts in mesh.cell_data.items():
+                if key not in values and all(np.ndim(part) == 1 for part in parts):
+                    places[key], values[key] = np.concatenate(middles), np.concatenate(parts).astype(float)
+            if not wanted and len(values) == 1:
+                wanted = next(iter(values))
+            if wanted not in values:
+                raise PlaceError(f"{name} has the values {', '.join(values) or 'none'}; name one of them, {name}:NAME")
+            return replace(
+                self,
+                value=Table(tuple(map(tuple, places[wanted][:, :dimension].tolist())), tuple(values[wanted].tolist())),
+            )
         own = array_of_nodes(value, folder)
         return replace(self, value=read_table(value, folder, dimension) if own is None else own)
 
@@ -211,29 +232,6 @@ def _called(function: Callable[..., Any], position: Array, place: str) -> Array:
 
 def _is_mesh(value: str) -> bool:
     return value.partition(":")[0].strip().lower().endswith(MESHES)
-
-
-def _table_of_mesh(words: str, folder: Path, dimension: int) -> Table:
-    """Values of ``FILE`` or ``FILE:NAME`` at points of a mesh, or at middles of its cells. Raises PlaceError."""
-    import meshio  # slow to import, and few scenes have such files
-
-    name, _, wanted = (part.strip() for part in words.partition(":"))
-    path = path_beside(name, folder)
-    try:
-        mesh = meshio.read(path)
-    except (Exception, SystemExit) as error:  # meshio exits where no reader can read the file
-        raise PlaceError(f"{name}: cannot be read ({error}); use a mesh that meshio reads") from None
-    places = {key: mesh.points for key, values in mesh.point_data.items() if np.ndim(values) == 1}
-    values = {key: np.asarray(mesh.point_data[key], dtype=float) for key in places}
-    middles = [mesh.points[block.data].mean(axis=1) for block in mesh.cells]
-    for key, parts in mesh.cell_data.items():
-        if key not in values and all(np.ndim(part) == 1 for part in parts):
-            places[key], values[key] = np.concatenate(middles), np.concatenate(parts).astype(float)
-    if not wanted and len(values) == 1:
-        wanted = next(iter(values))
-    if wanted not in values:
-        raise PlaceError(f"{name} has the values {', '.join(values) or 'none'}; name one of them, {name}:NAME")
-    return Table(tuple(map(tuple, places[wanted][:, :dimension].tolist())), tuple(values[wanted].tolist()))
 
 
 def _pixels(name: str, folder: Path) -> Array:

@@ -134,17 +134,14 @@ def run(
         "fields": listed,
         "can_move": set(of_dimension("displacement", results.dimension)) <= set(results.stored(last)),
         "has_cracks": not has_diffusion_only(results),
-        "palettes": {name: _palette(name) for name in ("viridis", "magma_r", "coolwarm")},
+        "palettes": {  # 256 colours, each red, green and blue from 0 to 255
+            name: colormaps[name](np.linspace(0, 1, 256), bytes=True)[:, :3].ravel().tolist()
+            for name in ("viridis", "magma_r", "coolwarm")
+        },
         "curve_colours": COLOURS,
         "node_colours": {"torn": TORN, "unknown": UNKNOWN},
     }
     return message(header)
-
-
-def _palette(name: str) -> list[int]:
-    """256 colours, each red, green and blue from 0 to 255."""
-    colours_of: list[int] = colormaps[name](np.linspace(0, 1, 256), bytes=True)[:, :3].ravel().tolist()
-    return colours_of
 
 
 def nodes(results: Results, step: int, most: int | None = None) -> bytes:
@@ -281,13 +278,12 @@ def _chart(title: str, x: tuple[str, str], y: tuple[str, str], curves: Sequence[
     shown_curves = []
     for curve in curves[:MOST_CURVES]:
         rows = _outline(curve.y)
-        points = {key: _for_json(getattr(curve, key)[rows]) for key in ("time", "x", "y")}
+        points = {
+            key: [float(value) if np.isfinite(value) else None for value in getattr(curve, key)[rows]]
+            for key in ("time", "x", "y")
+        }
         shown_curves.append({"name": for_line(curve.name), **points})
     return {"title": title, **ends, "curves": shown_curves, "left_out": len(curves[MOST_CURVES:])}
-
-
-def _for_json(values: NDArray[np.float64]) -> list[float | None]:
-    return [float(value) if np.isfinite(value) else None for value in values]
 
 
 def _outline(values: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -82,7 +82,8 @@ def select(
     where a tenth of the nodes has no room, or where a field is not there.
     """
     all_steps = frames(results)[0].tolist()
-    steps = all_steps[::stride] if stride else [all_steps[row] for row in _spread(len(all_steps))]
+    rows = np.linspace(0, len(all_steps) - 1, min(len(all_steps), FRAMES)).round().astype(int)  # the first, the last
+    steps = all_steps[::stride] if stride else [all_steps[row] for row in np.unique(rows)]
     there = {entry.name: entry for entry in messages.available_fields(results, all_steps[-1])}
     usual = [(name, "") for number, name in enumerate(there) if not number or name in USUAL]
     chosen = []
@@ -100,12 +101,6 @@ def select(
             " fields (--field) or more --megabytes"
         )
     return Selection(steps, len(all_steps), list(dict.fromkeys(chosen)), min(room, most), most)
-
-
-def _spread(count: int) -> list[int]:
-    """At most `FRAMES` rows of `count`, the first and the last among them."""
-    rows: list[int] = np.unique(np.linspace(0, count - 1, min(count, FRAMES)).round().astype(int)).tolist()
-    return rows
 
 
 def offline_page(

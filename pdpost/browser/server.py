@@ -75,19 +75,16 @@ class MessageReader:
                 return self._close()
             address, replies = request
             try:
-                results = self._results()
+                stat = self._path.stat()
+                file = stat.st_dev, stat.st_ino
+                if self._open is None or self._open[0] != file:
+                    self._close()
+                    self._open = file, Results.open(self._path)
+                results = self._open[1]
                 replies.put(messages.answer(results, address))
                 is_running = results.meta().get("status") == "running"
             except Exception as error:
                 replies.put(error)  # after an answer, nobody waits for it
-
-    def _results(self) -> Results:
-        stat = self._path.stat()
-        file = stat.st_dev, stat.st_ino
-        if self._open is None or self._open[0] != file:
-            self._close()
-            self._open = file, Results.open(self._path)
-        return self._open[1]
 
     def _close(self) -> None:
         if self._open is not None:
@@ -145,18 +142,16 @@ class _Request(BaseHTTPRequestHandler):
         elif address in self.server.files:
             self._reply(HTTPStatus.OK, *self.server.files[address])
         else:
-            self._reply_with_message(address.removeprefix("data/") if address.startswith("data/") else "")
-
-    def _reply_with_message(self, address: str) -> None:
-        reader = self.server.quick if address.split("/")[0] in QUICK else self.server.slow
-        try:
-            data = reader.read(address)
-        except Exception as error:  # of any kind: the page says it
-            data = messages.message({"error": " ".join(str(error).split())})
-        if data is None:
-            self._reply(HTTPStatus.NOT_FOUND)
-        else:
-            self._reply(HTTPStatus.OK, "application/octet-stream", data)
+            address = address.removeprefix("data/") if address.startswith("data/") else ""
+            reader = self.server.quick if address.split("/")[0] in QUICK else self.server.slow
+            try:
+                data = reader.read(address)
+            except Exception as error:  # of any kind: the page says it
+                data = messages.message({"error": " ".join(str(error).split())})
+            if data is None:
+                self._reply(HTTPStatus.NOT_FOUND)
+            else:
+                self._reply(HTTPStatus.OK, "application/octet-stream", data)
 
     def _reply(self, status: HTTPStatus, kind: str = "text/plain; charset=utf-8", data: bytes = b"") -> None:
         data = data if status is HTTPStatus.OK else f"{status.value} {status.phrase}\n".encode()

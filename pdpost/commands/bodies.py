@@ -20,9 +20,7 @@ from pdpost.commands.shared import (
 )
 
 if TYPE_CHECKING:
-    from pdmesh.plain_figure import Figure
     from pdpost.commands.shared import Commands
-    from pdsolve.results import Results
 
 
 def add(commands: Commands) -> None:
@@ -119,7 +117,20 @@ def _render(args: argparse.Namespace) -> int:
         when = moment(results, step)
         if args.crack or args.explode is not None:
             if path is not None:
-                style.save(_cracked(results, step, args.explode), path)
+                from pdpost.figures import crack_render
+                from pdpost.figures.colours import at
+                from pdsolve.measures.crack_faces import build_crack_surface, find_opened_face_neighbours
+
+                parted_pairs, nodes = find_opened_face_neighbours(results, step), results.nodes(step)
+                if args.explode is not None:
+                    figure = crack_render.fragments_apart(
+                        nodes, parted_pairs, args.explode, f"Fragments {at(results, step)}"
+                    )
+                else:
+                    figure = crack_render.cracks_in_body(
+                        nodes, build_crack_surface(results, step, parted_pairs), f"Cracks {at(results, step)}"
+                    )
+                style.save(figure, path)
             output = None if path is None else str(path)
             commandline.report({"output": output, "step": step, "time": time}, [f"{path}: {when}"], args)
             return commandline.OK
@@ -136,17 +147,3 @@ def _render(args: argparse.Namespace) -> int:
     result = {"output": None if path is None else str(path), "step": step, "time": time, "field": name}
     commandline.report(result, [f"{path}: {name} at {when}"], args)
     return commandline.OK
-
-
-def _cracked(results: Results, step: int, explode: float | None) -> Figure:
-    """The cracks of a body, or its fragments apart."""
-    from pdpost.figures import crack_render
-    from pdpost.figures.colours import at
-    from pdsolve.measures.crack_faces import build_crack_surface, find_opened_face_neighbours
-
-    parted_pairs, nodes = find_opened_face_neighbours(results, step), results.nodes(step)
-    if explode is not None:
-        return crack_render.fragments_apart(nodes, parted_pairs, explode, f"Fragments {at(results, step)}")
-    return crack_render.cracks_in_body(
-        nodes, build_crack_surface(results, step, parted_pairs), f"Cracks {at(results, step)}"
-    )

@@ -30,11 +30,21 @@ def add(commands: Commands) -> None:
 
 
 def _fatigue(args: argparse.Namespace) -> int:
-    from pdsolve.measures.json_keys import fields_by_json_key
+    from pathlib import Path
 
-    path = picture_path(args, ".fatigue.png")
+    from pdsolve.measures.embedded_model import expect_mechanics
+    from pdsolve.measures.fatigue import measure_fatigue_life
+    from pdsolve.measures.frame_steps import chosen
+    from pdsolve.measures.json_keys import fields_by_json_key
+    from pdsolve.results import Results
+
+    path, runs = picture_path(args, ".fatigue.png"), list[FatigueLife]()
     with shared.styled(path, dict(args.assignments)):
-        runs = [_measured(args, name) for name in (args.results, *args.beside)]
+        for name in (args.results, *args.beside):
+            with Results.open(Path(name)) as results:
+                expect_mechanics(results)
+                steps = chosen(results, chosen_stride(results, args))
+                runs.append(measure_fatigue_life(results, steps, counted(args, "summing")))
         if path is not None:
             from pdpost.figures import style
             from pdpost.figures.fatigue_figure import fatigue as figure
@@ -57,22 +67,6 @@ def _fatigue(args: argparse.Namespace) -> int:
     lines = [line for run in runs for line in ([f"{run.name}:"] if args.beside else []) + _lines(run)]
     rows = (row for run in runs for row in _rows(run))
     return shared.deliver(args, result, lines, HEADER, rows, path)
-
-
-def _measured(args: argparse.Namespace, name: str) -> FatigueLife:
-    """The life of a run. Raises ResultsError."""
-    from pathlib import Path
-
-    from pdsolve.measures import fatigue
-    from pdsolve.measures.embedded_model import expect_mechanics
-    from pdsolve.measures.frame_steps import chosen
-    from pdsolve.results import Results
-
-    with Results.open(Path(name)) as results:
-        expect_mechanics(results)
-        return fatigue.measure_fatigue_life(
-            results, chosen(results, chosen_stride(results, args)), counted(args, "summing")
-        )
 
 
 def _lines(run: FatigueLife) -> list[str]:

@@ -98,10 +98,13 @@ def _add_picture(
 
 
 def _field(args: argparse.Namespace) -> int:
+    from importlib.util import find_spec
+
     from pdpost.exports import csv_columns
     from pdpost.figures import field_figure
     from pdpost.figures.sheets import seen
     from pdsolve.measures import fields
+    from pdsolve.measures.slices import expect_3d_body
 
     name = args.picture
     if args.frames is not None:
@@ -110,7 +113,15 @@ def _field(args: argparse.Namespace) -> int:
     def show(results: Results, step: int, scale: float) -> Drawn:
         part = fields.choose_component(name, args.component, results.dimension)
         shown, how = field_figure.values_of(results, name, step, part), drawing_options(args, name, scale)
-        if _cut_open(results, name, args):
+        if args.clip is not None:
+            expect_3d_body(results)
+        is_cut_open = args.clip is not None
+        if not is_cut_open and results.dimension == 3 and name == "damage":  # wherever PyVista is
+            is_cut_open = find_spec("pyvista") is not None
+            if not is_cut_open:
+                words = f"{args.results}: drawn on three planes; pip install '{RENDER}' draws it cut open"
+                commandline.note(words, args)
+        if is_cut_open:
             from pdpost.figures import crack_render
 
             figure = crack_render.frame_cut_open(results, name, part, step, args.clip, how["largest"])
@@ -130,22 +141,6 @@ def _field(args: argparse.Namespace) -> int:
         return Drawn(figure, reported, words, lambda: csv_columns.of_field(results, name, step))
 
     return _drawn(args, show)
-
-
-def _cut_open(results: Results, name: str, args: argparse.Namespace) -> bool:
-    """Whether a body is drawn cut open: where a plane is given, and damage wherever PyVista is."""
-    from importlib.util import find_spec
-
-    from pdsolve.measures.slices import expect_3d_body
-
-    if args.clip is not None:
-        expect_3d_body(results)
-    if args.clip is not None or results.dimension != 3 or name != "damage":
-        return args.clip is not None
-    has_pyvista = find_spec("pyvista") is not None
-    if not has_pyvista:
-        commandline.note(f"{args.results}: drawn on three planes; pip install '{RENDER}' draws it cut open", args)
-    return has_pyvista
 
 
 def _sheet(args: argparse.Namespace, name: str, part: str) -> int:

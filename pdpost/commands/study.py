@@ -87,20 +87,15 @@ def _study(args: argparse.Namespace) -> int:
     units = {name: study.columns[name].unit for name in measures}
     numbers: dict[str, Any] = {"over": over, "units": units, "failed": study.failed, "waiting": study.waiting}
     numbers["measures"] = [dict(zip(("measure", "series", "value", *header[3:]), row, strict=True)) for row in rows]
-    lines = [_summary_line(row, over, units) for row in rows]
+    lines = []
+    for measure, series, value, median, low, high, happened, count in rows:
+        named = (
+            ", ".join(filter(None, [series, f"{studies.short(over)} {studies.value_of(value)}" if over else ""]))
+            or "all runs"
+        )
+        line, unit = f"{measure}, {named}: ", f" {units[measure]}" if units[measure] else ""
+        line += f"{median:.4g}{unit} in the median, {low:.4g} to {high:.4g}, " if happened else ""
+        lines.append(f"{line}in {happened or 'none'} of {count} runs")
     if study.failed or study.waiting:
         lines.append(f"left out: {study.failed} runs that failed, {study.waiting} that wait")
     return shared.deliver(args, numbers, lines, header, rows, path)
-
-
-def _summary_line(row: tuple[Any, ...], over: str | None, units: dict[str, str]) -> str:
-    from pdpost.reading.studies import short, value_of
-
-    measure, series, value, median, low, high, happened, runs = row
-    named = ", ".join(filter(None, [series, f"{short(over)} {value_of(value)}" if over else ""])) or "all runs"
-    if not happened:
-        return f"{measure}, {named}: in none of {runs} runs"
-    unit = f" {units[measure]}" if units[measure] else ""
-    return (
-        f"{measure}, {named}: {median:.4g}{unit} in the median, {low:.4g} to {high:.4g}, in {happened} of {runs} runs"
-    )

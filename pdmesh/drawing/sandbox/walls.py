@@ -181,13 +181,6 @@ class _Program(ctypes.Structure):
 def _seccomp(libc: ctypes.CDLL) -> bool:
     if platform.machine() != "x86_64" or struct.calcsize("P") != 8:
         return False
-    code = _filter(os.getpid())
-    program = _Program(len(code) // 8, code)
-    return bool(libc.prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, ctypes.addressof(program), 0, 0) == 0)
-
-
-def _filter(process: int) -> bytes:
-    """The system call filter as a BPF program; its input is the call's number, the architecture and the arguments."""
 
     def step(code: int, value: int, if_so: int = 0, if_not: int = 0) -> bytes:
         return struct.pack("=HBBI", code, if_so, if_not, value)
@@ -204,8 +197,10 @@ def _filter(process: int) -> bytes:
     ]  # fmt: skip
     asking = step(EQUAL, FCNTL, 0, 2 + 2 * len(ASKING)) + argument(1)
     asking += b"".join(step(EQUAL, what, 0, 1) + step(RETURN, ALLOW) for what in ASKING) + step(RETURN, DENY)
-    aborting = step(EQUAL, TGKILL, 0, 3) + argument(0) + step(EQUAL, process, 0, 1) + step(RETURN, ALLOW)
-    return foreign + step(LOAD, 0) + b"".join([*plain, *reading]) + asking + aborting + step(RETURN, DENY)
+    aborting = step(EQUAL, TGKILL, 0, 3) + argument(0) + step(EQUAL, os.getpid(), 0, 1) + step(RETURN, ALLOW)
+    code = foreign + step(LOAD, 0) + b"".join([*plain, *reading]) + asking + aborting + step(RETURN, DENY)
+    program = _Program(len(code) // 8, code)
+    return bool(libc.prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, ctypes.addressof(program), 0, 0) == 0)
 
 
 def how_it_ended(code: int) -> str:
