@@ -28,7 +28,12 @@ def deformed_corner_offsets(
     """
     rows = cells.node_rows
     corners = position[rows] + np.einsum("cab,cb->ca", gradients[rows], cells.corner_offsets)
-    order, place = _places(cells.corner_offsets + reference[rows], SAME * float(spacing.min()))
+    # an order in which equal corners follow each other, and the number of each corner's place
+    rounded = np.round((cells.corner_offsets + reference[rows]) / (SAME * float(spacing.min()))).astype(np.int64)
+    order = np.lexsort(rounded.T)
+    new = np.append(True, (np.diff(rounded[order], axis=0) != 0).any(axis=1))[: len(order)]
+    place = np.empty(len(order), dtype=np.int64)
+    place[order] = np.cumsum(new)
     count = len(reference)
     starts = np.repeat(np.arange(count), np.diff(families.start))
     bonds = np.sort(starts * count + families.neighbour)
@@ -51,13 +56,3 @@ def deformed_corner_offsets(
     size = np.bincount(group, minlength=groups)
     mean = np.stack([np.bincount(group, axis, groups) / size for axis in corners.T], axis=1)
     return np.asarray(mean[group] - position[rows], dtype=np.float64)
-
-
-def _places(corners: NDArray[np.float64], near: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """An order (c,) in which equal corners follow each other, and the number (c,) of each corner's place."""
-    rounded = np.round(corners / near).astype(np.int64)
-    order = np.lexsort(rounded.T)
-    new = np.append(True, (np.diff(rounded[order], axis=0) != 0).any(axis=1))[: len(order)]
-    place = np.empty(len(order), dtype=np.int64)
-    place[order] = np.cumsum(new)
-    return order, place

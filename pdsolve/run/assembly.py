@@ -170,12 +170,6 @@ def _add_ground_supports(model: Model, volume: NDArray[np.float64], bonds: Opera
     return supported(model, volume, bonds) if model.has_supports else bonds
 
 
-def _add_following_pressure(model: Model, volume: NDArray[np.float64], operator: Operator) -> Operator:
-    """The operator with what pressure that follows its faces adds to its dead part. `volume` (n,), m^d."""
-    loads = [load for _, load in conditions_of(model.settings, Load) if load.following]
-    return Together(FollowingPressure(model, loads, volume, operator.unknowns), operator) if loads else operator
-
-
 def add_penalty_contact(
     model: Model, volume: NDArray[np.float64], bond_operator: Operator
 ) -> tuple[Operator, PenaltyContact | None]:
@@ -283,7 +277,11 @@ def prepare_explicit_motion(model: Model, options: Options, scheme: Scheme, bond
     filling, particles = scheme.fill(model), model.settings.run.cracks == "particles"
     filling = StaticBreakage(filling).filling() if particles else filling  # of which none breaks by itself
     bonds, filled = make_operator(model, options, scheme, filling, particles, bonds_swell)
-    standing = _add_following_pressure(model, filled.area, _add_ground_supports(model, filled.area, bonds))
+    operator = _add_ground_supports(model, filled.area, bonds)
+    loads = [load for _, load in conditions_of(model.settings, Load) if load.following]
+    standing = (
+        Together(FollowingPressure(model, loads, filled.area, operator.unknowns), operator) if loads else operator
+    )
     operator, touching = add_penalty_contact(model, filled.area, standing)
     bound = compute_stable_time_step(model, operator)
     prepared = assemble_system(model, options, scheme, operator, filled, choose_time_step(model, bound), bound)

@@ -311,21 +311,17 @@ def read_study(path: FilePath) -> Study:
         )
     _check_measures(path, about.measures)
     study = Study(path, text, about)
-    _check_names_of_measures(path, study)
-    if not study.drawing.is_file():
-        raise StudyError(f"{path}: $.drawing: there is no file {study.drawing}; name a drawing")
-    study.cases()
-    return study
-
-
-def _check_names_of_measures(path: Path, study: Study) -> None:
-    """Raise StudyError for a measure that has the name of another column; case does not count."""
+    # a measure may not have the name of another column; case does not count
     parameters = {column for case in study.cases() for column in case.values}
     taken = {name.lower() for name in (*OWN, *MEASURES, *parameters)}
     for name in study.description.measures:
         if name.lower() in taken:
             raise StudyError(f"{path}: $.measures.{name} is another column of the table; use another name")
         taken.add(name.lower())
+    if not study.drawing.is_file():
+        raise StudyError(f"{path}: $.drawing: there is no file {study.drawing}; name a drawing")
+    study.cases()
+    return study
 
 
 def _check_random(path: Path, about: Description, named: list[tuple[str, str, Distribution]]) -> None:

@@ -191,7 +191,9 @@ def _check_measures(study: Study, case: Case, dimension: int, trust: bool) -> No
     Raises SceneError, GridError, ModelError for a model that cannot be built.
     """
     names: list[str] = []
-    for place, field, value in _named_quantities(study):
+    quantities = [(f"$.measures.{name}", *measure.quantity) for name, measure in study.description.measures.items()]
+    fit = study.description.fit
+    for place, field, value in quantities if fit is None else [*quantities, ("$.fit", "condition", fit.condition)]:
         if field == "sql":
             try:
                 with closing(connect(None)) as connection:
@@ -209,13 +211,6 @@ def _check_measures(study: Study, case: Case, dimension: int, trust: bool) -> No
                     f"{study.path}: {place}.{field}: there is no condition '{value}'; use one of"
                     f" {', '.join(names) or 'a model with conditions'}"
                 )
-
-
-def _named_quantities(study: Study) -> list[tuple[str, str, str]]:
-    """Place in the file, field and value of what a study measures, and of the force that a fit compares."""
-    quantities = [(f"$.measures.{name}", *measure.quantity) for name, measure in study.description.measures.items()]
-    fit = study.description.fit
-    return quantities if fit is None else [*quantities, ("$.fit", "condition", fit.condition)]
 
 
 def _dimension(drawing: Path, case: Case, trust: bool) -> int:
