@@ -99,6 +99,7 @@ SHOWN = {
     "pressurized_crack.py": Shown("displacement --component y --scale auto"),
     "plastic_beam.py": Shown("plastic --scale auto"),
     "rubber_block.py": Shown("stress --scale 1"),
+    "surfing_crack.py": Shown("sif"),
     "screw.geo": Shown("slice --field content --plane y=0 --time 500"),
     "slanted_notch.py": Shown("crack"),
     "strip.py": Shown("stress"),

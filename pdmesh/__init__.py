@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from pdmesh.scene.conditions import friedlander, ramp
     from pdmesh.scene.functions_of_place import over_time
     from pdmesh.scene.heat import Heat
+    from pdmesh.scene.k_field import k_field
     from pdmesh.scene.node_fields import Picture, Weibull
     from pdmesh.scene.scene import Scene
     from pdmesh.scene.shapes import Circle, SceneError, UntrustedError
@@ -55,6 +56,7 @@ else:
             "build_file": "pdmesh.drawing.file_reading",
             "file_parameters": "pdmesh.drawing.file_reading",
             "friedlander": "pdmesh.scene.conditions",
+            "k_field": "pdmesh.scene.k_field",
             "laminate": "pdmesh.model.laminate",
             "over_time": "pdmesh.scene.functions_of_place",
             "ramp": "pdmesh.scene.conditions",
@@ -89,6 +91,7 @@ __all__ = [
     "build_file",
     "file_parameters",
     "friedlander",
+    "k_field",
     "laminate",
     "over_time",
     "ramp",
