@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pdmesh.model.output_fields import CRACKED
+from pdmesh.model.cracked_damage import CRACKED
 from pdsolve.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdsolve.measures.cracks import DIRECTIONS, CrackEvents, find_crack_events
 from pdsolve.measures.directions import measure_initial_directions

@@ -12,8 +12,6 @@ USUAL: tuple[Column, ...] = get_args(Usual)
 ALONG: tuple[Column, ...] = get_args(Along)
 OF_CONTENT: tuple[Column, ...] = ("c", "h", "solid", "T")  # of what diffuses
 
-CRACKED = 0.35  # damage above which a node belongs to a crack
-
 
 class Field(NamedTuple):
     """A quantity at the nodes and its stored columns, one for each component."""

@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pdmesh import commandline
-from pdmesh.model.output_fields import CRACKED
 from pdpost.commands import shared
 from pdpost.commands.shared import (
     NO_PICTURE,
+    add_cracked,
     add_csv,
     add_frame,
     add_journal,
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 ALONE = ("compare", "along", "frame", "step", "time")  # options that a study does not have
 
 
-def overlaid(args: argparse.Namespace, threshold: float) -> int:
+def overlaid(args: argparse.Namespace, threshold: float | None) -> int:
     """Draw the crack paths of all runs of a study, for `pdpost crack`; returns the exit code."""
     from pdpost.reading import studies
     from pdsolve.measures import paths
@@ -107,13 +107,7 @@ def add(commands: Commands) -> None:
     crack.add_argument(
         "--surface", type=Path, metavar="FILE", help="write the crack surface of a body (.vtp for ParaView, .stl)"
     )
-    crack.add_argument(
-        "--cracked",
-        type=_damage,
-        default=CRACKED,
-        metavar="DAMAGE",
-        help="the damage above which a node is cracked (default: %(default)s)",
-    )
+    add_cracked(crack)
     commandline.add_common_options(
         crack,
         "the picture, in the format of its suffix (default: the results' name with .crack.png; none with --json or"
@@ -165,7 +159,7 @@ def _crack(args: argparse.Namespace) -> int:
         return shared.deliver(args, result, lines, header, rows, path)
 
 
-def _of_body(args: argparse.Namespace, results: Results, threshold: float, path: Path | None) -> int:
+def _of_body(args: argparse.Namespace, results: Results, threshold: float | None, path: Path | None) -> int:
     from pdpost.exports import surface_files
     from pdsolve.measures import crack_3d
 
@@ -188,7 +182,9 @@ def _of_body(args: argparse.Namespace, results: Results, threshold: float, path:
     return shared.deliver(args, crack_3d.summary_for_json(summary), lines, header, rows, path)
 
 
-def _two(args: argparse.Namespace, first_run: Results, second_run: Results, threshold: float, path: Path | None) -> int:
+def _two(
+    args: argparse.Namespace, first_run: Results, second_run: Results, threshold: float | None, path: Path | None
+) -> int:
     from pdsolve.measures import cracks, paths
     from pdsolve.measures.frame_steps import time_text
     from pdsolve.measures.json_keys import fields_by_json_key
@@ -234,14 +230,3 @@ def _step(args: argparse.Namespace, results: Results) -> int:
     if args.step is not None and not 0 <= args.step <= last:
         raise commandline.UsageError(f"--step is {args.step}; use 0 to {last}")
     return last if args.step is None else int(args.step)
-
-
-def _damage(text: str) -> float:
-    """A damage from 0 to below 1, as an option's type."""
-    try:
-        damage = float(text)
-    except ValueError:
-        damage = -1.0
-    if not 0 <= damage < 1:
-        raise argparse.ArgumentTypeError(f"cannot read '{text}'; use a damage from 0 to below 1")
-    return damage

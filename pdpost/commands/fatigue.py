@@ -6,7 +6,7 @@ import argparse
 from typing import TYPE_CHECKING, Any
 
 from pdpost.commands import shared
-from pdpost.commands.shared import add_every, chosen_stride, counted, picture_path
+from pdpost.commands.shared import add_cracked, add_every, chosen_stride, counted, picture_path
 
 if TYPE_CHECKING:
     from pdpost.commands.shared import Commands
@@ -24,6 +24,7 @@ def add(commands: Commands) -> None:
     about = "draw the growth of cracks over cycles, the growth a cycle over the range of K, and lives of smooth bodies"
     parser = shared.add_command(commands, "fatigue", about)
     add_every(parser)
+    add_cracked(parser)
     help_text = "other runs, in the same picture and the same numbers"
     parser.add_argument("--beside", metavar="RESULTS", nargs="+", default=[], help=help_text)
     commands.choices["fatigue"].set_defaults(run=_fatigue)
@@ -44,7 +45,7 @@ def _fatigue(args: argparse.Namespace) -> int:
             with Results.open(Path(name)) as results:
                 expect_mechanics(results)
                 steps = chosen(results, chosen_stride(results, args))
-                runs.append(measure_fatigue_life(results, steps, counted(args, "summing")))
+                runs.append(measure_fatigue_life(results, steps, counted(args, "summing"), args.cracked))
         if path is not None:
             from pdpost.figures import style
             from pdpost.figures.fatigue_figure import fatigue as figure

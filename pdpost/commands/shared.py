@@ -370,6 +370,28 @@ def add_clip(command: argparse._ActionsContainer) -> None:
     )
 
 
+def add_cracked(command: argparse.ArgumentParser) -> None:
+    """Add --cracked: the damage of cracked nodes."""
+    command.add_argument(
+        "--cracked",
+        type=_damage,
+        metavar="DAMAGE",
+        help="the damage above which a node is cracked (default: 0.35, or 0.92 of what a straight crack along the"
+        " lattice breaks where that is less: 0.29 in space with a horizon of 2 spacings)",
+    )
+
+
+def _damage(text: str) -> float:
+    """A damage from 0 to below 1, as an option's type."""
+    try:
+        damage = float(text)
+    except ValueError:
+        damage = -1.0
+    if not 0 <= damage < 1:
+        raise argparse.ArgumentTypeError(f"cannot read '{text}'; use a damage from 0 to below 1")
+    return damage
+
+
 def add_csv(command: argparse.ArgumentParser) -> None:
     """Add --csv: the file for the numbers behind the picture."""
     command.add_argument(

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from numpy.typing import NDArray
 
-from pdmesh.model.output_fields import CRACKED
+from pdmesh.model.cracked_damage import CRACKED
 from pdmesh.plain_figure import Figure
 from pdpost.figures import slice_figure
 from pdpost.figures.colours import Colours, colours, mappable, title
@@ -21,6 +21,7 @@ from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Sheet, border, box_of, hidden, legend, mark, paint, seen, shape, sheet
 from pdpost.figures.style import TORN, UNKNOWN, narrow, styled, written
 from pdsolve.measures import fields
+from pdsolve.measures.cracked_nodes import cracked_damage_of
 from pdsolve.measures.frame_steps import last_frame
 from pdsolve.results import Results
 
@@ -32,6 +33,7 @@ class Shown(NamedTuple):
 
     values: NDArray[np.float64]  # (n,) SI; NaN: none
     torn: NDArray[np.bool_]  # (n,) nodes whose value says nothing, see `fields.find_unreliable_nodes`
+    cracked_damage: float = CRACKED  # damage above which this is so
 
 
 def field(
@@ -73,9 +75,11 @@ def field(
 
 def values_of(results: Results, name: str, step: int, part: str) -> Shown:
     """A component of a field after `step`, with the nodes where it is unreliable. Raises ResultsError."""
-    return Shown(
-        fields.field_values(results, name, step, part or None), fields.find_unreliable_nodes(results, name, step)
+    values, torn = (
+        fields.field_values(results, name, step, part or None),
+        fields.find_unreliable_nodes(results, name, step),
     )
+    return Shown(values, torn, cracked_damage_of(results)) if torn.any() else Shown(values, torn)
 
 
 def explained(shown: Shown, where: NDArray[np.bool_] | bool = True) -> list[tuple[str, str]]:
@@ -83,7 +87,7 @@ def explained(shown: Shown, where: NDArray[np.bool_] | bool = True) -> list[tupl
     unknown = where & ~shown.torn & ~np.isfinite(shown.values)
     entries = []
     for colour, nodes, words in (
-        (TORN, where & shown.torn, f"left out, more than {CRACKED:g} of the bonds gone"),
+        (TORN, where & shown.torn, f"left out, more than {shown.cracked_damage:.2g} of the bonds gone"),
         (UNKNOWN, unknown, "too few bonds for a value"),
     ):
         if nodes.any():

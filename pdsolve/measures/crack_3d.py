@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.material import Material
-from pdmesh.model.output_fields import CRACKED
 from pdsolve.measures.crack_faces import CrackSurface, build_crack_surface, find_opened_face_neighbours
 from pdsolve.measures.crack_fronts import Polyline, estimate_front_speed_at_faces, front_lines_at, line_length
 from pdsolve.measures.embedded_model import at_rest, own_G0, read
@@ -56,7 +55,7 @@ class _FractureEnergyGridFileKeys(msgspec.Struct):
     material: Material
 
 
-def crack_3d(results: Results, step: int | None = None, threshold: float = CRACKED) -> CrackSurfaceSummary:
+def crack_3d(results: Results, step: int | None = None, threshold: float | None = None) -> CrackSurfaceSummary:
     """The cracks of a body until `step` (default: the last). Nodes are cracked above the damage `threshold`.
 
     Raises ResultsError if there is no frame yet.

@@ -25,9 +25,8 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from pdmesh.model.neighbours import Pairs
-from pdmesh.model.output_fields import CRACKED
 from pdmesh.model.triangulated_surface import Screen
-from pdsolve.measures.cracked_nodes import damage_with_pre_cracks_at
+from pdsolve.measures.cracked_nodes import cracked_damage_of, damage_with_pre_cracks_at
 from pdsolve.results import Nodes, Results
 
 NEAR = 1e-3  # of a spacing: by how much a cube may be off
@@ -100,10 +99,10 @@ class FaceNeighbourPairs(NamedTuple):
         return np.asarray(self.opening_step != CLOSED)
 
 
-def find_opened_face_neighbours(results: Results, step: int, threshold: float = CRACKED) -> FaceNeighbourPairs:
+def find_opened_face_neighbours(results: Results, step: int, threshold: float | None = None) -> FaceNeighbourPairs:
     """Which neighbours in a body parted until `step`: their bond is broken and their mean damage is above `threshold`,
     or a pre-crack is between them. Nodes are cracked above the same damage."""
-    nodes, breaks = results.nodes(step), results.breaks()
+    nodes, breaks, threshold = results.nodes(step), results.breaks(), cracked_damage_of(results, threshold)
     pairs, past, count = face_neighbour_pairs(nodes), breaks.step <= step, len(nodes.ids)
     order, when = np.argsort(nodes.ids), breaks.step[past]
     ends = [order[np.searchsorted(nodes.ids, side[past], sorter=order)] for side in (breaks.node, breaks.neighbour)]

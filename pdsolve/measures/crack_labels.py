@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from pdmesh.model.output_fields import CRACKED
 from pdsolve.measures.cracked_nodes import LINKED, ROUND_OFF, damage_with_pre_cracks_at, first_cracked_step_of_nodes
 from pdsolve.results import Results
 
@@ -46,7 +45,7 @@ class _CrackOrigin(NamedTuple):
     origin_nodes: list[int]
 
 
-def label_cracked_nodes(results: Results, step: int, threshold: float = CRACKED) -> CrackedNodes:
+def label_cracked_nodes(results: Results, step: int, threshold: float | None = None) -> CrackedNodes:
     """The nodes cracked after `step`, without those cracked at the start, each assigned to a crack."""
     nodes, since = results.nodes(step), first_cracked_step_of_nodes(results, threshold, step)
     rows = np.flatnonzero((since > 0) & (since <= step))

@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.output_fields import CRACKED
 from pdsolve.measures.cracks import DIRECTIONS, PIECE, CrackEvents, find_crack_events
 from pdsolve.measures.directions import (
     LEANS,
@@ -52,7 +51,7 @@ class CrackPathSummary:
 
 
 def crack(
-    results: Results, step: int | None = None, threshold: float = CRACKED, along: str | None = None
+    results: Results, step: int | None = None, threshold: float | None = None, along: str | None = None
 ) -> CrackPathSummary:
     """Follow the cracks of a run until `step` (default: the last); a node is cracked above the damage `threshold`.
 

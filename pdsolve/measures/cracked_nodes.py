@@ -1,8 +1,8 @@
 """Which nodes are cracked and since which step, from the steps in which their bonds broke.
 
-Separation is 1 - intact / initial bonds, where bonds cut by a pre-crack count as broken. A node is cracked above a
-separation of `CRACKED`. A node that is born cracked takes the place of an earlier cracked node, and is cracked since
-that one was.
+Separation is 1 - intact / initial bonds, where bonds cut by a pre-crack count as broken. A node is cracked above the
+separation of `cracked_damage_of`. A node that is born cracked takes the place of an earlier cracked node, and is
+cracked since that one was.
 
 Damage is what the run breaks: the broken ones of the bonds that pre-cracks leave.
 """
@@ -13,11 +13,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.cracked_damage import cracked_damage
 from pdmesh.model.document import Horizon, Material
 from pdmesh.model.lattice_calibration import has_partial_cells
 from pdmesh.model.neighbours import Neighbours, tree_of
 from pdmesh.model.node_grid import Grid
-from pdmesh.model.output_fields import CRACKED
 from pdmesh.model.visibility import sight_of
 from pdsolve.measures.embedded_model import read
 from pdsolve.results import Results
@@ -32,6 +32,14 @@ class _BondGridFileKeys(msgspec.Struct):
 
     horizon: Horizon = Horizon()
     material: Material | None = None
+
+
+def cracked_damage_of(results: Results, threshold: float | None = None) -> float:
+    """Damage above which the nodes of a run are cracked: `threshold` or, by default, what follows from the horizon."""
+    if threshold is not None:
+        return threshold
+    bonded = read(results, _BondGridFileKeys)
+    return cracked_damage(bonded.horizon.ratio, bonded.material, results.dimension)
 
 
 def damage_with_pre_cracks_at(results: Results, step: int) -> NDArray[np.float64]:
@@ -71,13 +79,13 @@ def _count_bonds_and_broken_bonds_at(results: Results, step: int) -> tuple[NDArr
 
 
 def first_cracked_step_of_nodes(
-    results: Results, threshold: float = CRACKED, step: int | None = None
+    results: Results, threshold: float | None = None, step: int | None = None
 ) -> NDArray[np.int64]:
     """The step (n,) from which each node's separation exceeds `threshold`; -1 for nodes that stay sound.
 
     The nodes are those at `step`, by default those of the last frame.
     """
-    lives, breaks = results.lives(), results.breaks()
+    lives, breaks, threshold = results.lives(), results.breaks(), cracked_damage_of(results, threshold)
     nodes = lives.nodes
     family = np.maximum(nodes.family, 1)
     most = np.floor(threshold * family).astype(np.int64)  # bonds a node may lose, but for a rounding

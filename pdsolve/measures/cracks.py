@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pdmesh.model.neighbours import connected
-from pdmesh.model.output_fields import CRACKED
 from pdsolve.measures.cracked_nodes import LINKED, ROUND_OFF, first_cracked_step_of_nodes
 from pdsolve.measures.tips import CrackBranch, crack_branches, find_forks
 from pdsolve.results import Nodes, Results
@@ -49,7 +48,7 @@ class CrackEvents:
 def find_crack_events(
     results: Results,
     direction: tuple[float, float] = (1.0, 0.0),
-    threshold: float = CRACKED,
+    threshold: float | None = None,
     step: int | None = None,
     branches: Sequence[CrackBranch] | None = None,
 ) -> CrackEvents:

@@ -23,7 +23,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Cycled, Fatigue, Horizon, Run
-from pdmesh.model.output_fields import CRACKED
 from pdsolve.measures import stress_intensities
 from pdsolve.measures.crack_faces import build_crack_surface, find_opened_face_neighbours
 from pdsolve.measures.embedded_model import read
@@ -135,9 +134,15 @@ class _FatigueGridFileKeys(msgspec.Struct):
 
 
 def measure_fatigue_life(
-    results: Results, steps: Sequence[int], progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps
+    results: Results,
+    steps: Sequence[int],
+    progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps,
+    threshold: float | None = None,
 ) -> FatigueLife:
-    """The life of a run, and the growth of its cracks. Raises ResultsError."""
+    """The life of a run, and the growth of its cracks; nodes of a body are cracked above the damage `threshold`.
+
+    Raises ResultsError.
+    """
     N, model = cycles_after_steps(results), read(results, _FatigueGridFileKeys)
     said = results.summary()
     is_body = results.dimension == 3
@@ -155,16 +160,15 @@ def measure_fatigue_life(
         fatigue,
         growths,
         fit_paris_line(growths),
-        measure_area_growth(results, N) if is_body else None,
+        measure_area_growth(results, N, threshold) if is_body else None,
     )
 
 
-def measure_area_growth(results: Results, cycles: Array) -> CrackAreaGrowth:
+def measure_area_growth(results: Results, cycles: Array, threshold: float | None = None) -> CrackAreaGrowth:
     """The area that opened in a body until each frame; `cycles` (s + 1,) are those after each step."""
     steps, times = frames(results)
-    surface = build_crack_surface(
-        results, int(steps[-1]), find_opened_face_neighbours(results, int(steps[-1]), CRACKED)
-    )
+    last = int(steps[-1])
+    surface = build_crack_surface(results, last, find_opened_face_neighbours(results, last, threshold))
     known = steps < len(cycles)
     return CrackAreaGrowth(cycles[steps[known]], surface.grown_area_at(times[known]))
 

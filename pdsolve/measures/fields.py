@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model import output_fields
-from pdmesh.model.output_fields import CRACKED
 from pdsolve.fracture.gradients import green, hooke, thinning
-from pdsolve.measures.cracked_nodes import damage_with_pre_cracks_at, damage_without_pre_cracks_at
+from pdsolve.measures.cracked_nodes import cracked_damage_of, damage_with_pre_cracks_at, damage_without_pre_cracks_at
 from pdsolve.measures.frame_steps import OF_DIFFUSION, expect_physics_of, has_diffusion_only, scalar, vector
 from pdsolve.measures.strain import displacement_gradients, elastic_constants_of_nodes, thermal_strain_of_nodes
 from pdsolve.results import Results
@@ -97,13 +96,13 @@ def default_field_name(results: Results, step: int) -> str:
 
 
 def find_unreliable_nodes(results: Results, field_name: str, step: int) -> NDArray[np.bool_]:
-    """Mask (n,) of nodes whose value is unreliable: for strain and stress, more than 0.35 of the bonds are broken.
+    """Mask (n,) of nodes whose value is unreliable: for strain and stress, those of cracked nodes.
 
     A gradient fitted to so few bonds measures the opening of a crack, not a strain.
     """
     if not FIELDS[field_name].is_fitted_to_bonds:
         return np.zeros(len(results.rows(step)), dtype=bool)
-    return damage_with_pre_cracks_at(results, step) > CRACKED
+    return damage_with_pre_cracks_at(results, step) > cracked_damage_of(results)
 
 
 def component_is_signed(field_name: str, component: str) -> bool:

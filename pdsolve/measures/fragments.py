@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import connected
-from pdmesh.model.output_fields import CRACKED
 from pdsolve.measures.crack_faces import FaceNeighbourPairs
-from pdsolve.measures.cracked_nodes import damage_with_pre_cracks_at
+from pdsolve.measures.cracked_nodes import cracked_damage_of, damage_with_pre_cracks_at
 from pdsolve.measures.cracks import PIECE, cluster_nodes
 from pdsolve.measures.embedded_model import read
 from pdsolve.measures.strain import constants_of_nodes
@@ -38,9 +37,10 @@ class PlateFragments(NamedTuple):
     body_count: int = 1  # bodies that touch: a whole one is a piece, too
 
 
-def find_plate_fragments(results: Results, step: int, threshold: float = CRACKED) -> PlateFragments:
+def find_plate_fragments(results: Results, step: int, threshold: float | None = None) -> PlateFragments:
     """The fragments after `step`: sound nodes linked along rows and columns, as in `cracks.plate_is_split`."""
-    nodes, cracked = results.nodes(step), damage_with_pre_cracks_at(results, step) > threshold
+    nodes, threshold = results.nodes(step), cracked_damage_of(results, threshold)
+    cracked = damage_with_pre_cracks_at(results, step) > threshold
     sound = np.flatnonzero(~cracked)
     piece = cluster_nodes(nodes.position[sound], nodes.delta[sound], link_distance=1.0)
     fragment_list, crumbs, small_pieces_area = [], 0, 0.0

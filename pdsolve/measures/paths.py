@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.output_fields import CRACKED
 from pdsolve.measures.cracks import DIRECTIONS, find_crack_events
 from pdsolve.measures.plate_geometry import expect_same_plate
 from pdsolve.measures.tips import crack_branches
@@ -40,7 +39,7 @@ class PathError(ValueError):
     """Paths that cannot be compared."""
 
 
-def crack_paths(results: Results, step: int, threshold: float = CRACKED) -> list[Polyline]:
+def crack_paths(results: Results, step: int, threshold: float | None = None) -> list[Polyline]:
     """The crack paths after `step`: a polyline (k, 2), m, for each branch, the longest first."""
     return [branch.points for branch in crack_branches(results, step, threshold)]
 
@@ -116,7 +115,7 @@ def compare_cracks(
     second_run: Results,
     steps: tuple[int, int],
     direction: tuple[float, float] = (1.0, 0.0),
-    threshold: float = CRACKED,
+    threshold: float | None = None,
 ) -> CrackComparison:
     """Compare the paths of two runs after their `steps`, and when their cracks started, branched and split the plate.
 

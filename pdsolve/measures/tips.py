@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 
 from pdmesh.model.document import Horizon
 from pdmesh.model.neighbours import tree_of
-from pdmesh.model.output_fields import CRACKED
 from pdsolve.fracture.crack_particles import Particles, until
 from pdsolve.measures.crack_labels import CrackedNodes, label_cracked_nodes
 from pdsolve.measures.cracked_nodes import ROUND_OFF, find_free_pre_crack_tips
@@ -101,7 +100,7 @@ class _PathPoint(NamedTuple):
     is_narrow: bool
 
 
-def crack_branches(results: Results, step: int | None = None, threshold: float = CRACKED) -> list[CrackBranch]:
+def crack_branches(results: Results, step: int | None = None, threshold: float | None = None) -> list[CrackBranch]:
     """All branches of the cracks after `step` (default: the last), the longest first.
 
     A node is cracked above the damage `threshold`, which cracks of particles do not use. Mirrored cracks have mirrored

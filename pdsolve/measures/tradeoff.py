@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import QhullError, cKDTree
 
-from pdmesh.model.output_fields import CRACKED
 from pdsolve.measures.balance import damped_energy
-from pdsolve.measures.cracked_nodes import damage_with_pre_cracks_at
+from pdsolve.measures.cracked_nodes import cracked_damage_of, damage_with_pre_cracks_at
 from pdsolve.measures.cracks import DIRECTIONS, CrackEvent, find_crack_events
 from pdsolve.measures.frame_steps import frames, vector
 from pdsolve.measures.paths import crack_paths, main_growth_direction_name, mean_and_hausdorff_distance
@@ -133,7 +132,7 @@ def relative_displacement_error(results: Results, reference: Results) -> float |
     for run in runs:
         step = _step_at_time(run, time)
         nodes = run.nodes(step)
-        near = (damage_with_pre_cracks_at(run, step) > CRACKED) | (nodes.cut > 0)
+        near = (damage_with_pre_cracks_at(run, step) > cracked_damage_of(run)) | (nodes.cut > 0)
         if near.any():
             reach = AWAY * float(max(coarse.delta.max(), fine.delta.max()))
             away &= cKDTree(nodes.position[near]).query(coarse.position)[0] > reach

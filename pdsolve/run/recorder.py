@@ -24,9 +24,9 @@ from numpy.typing import NDArray
 from pdmesh import VERSION
 from pdmesh.background_thread import BackgroundThread
 from pdmesh.model.amounts import pair_count
+from pdmesh.model.cracked_damage import cracked_damage
 from pdmesh.model.neighbours import connected
 from pdmesh.model.node_grid import Grid
-from pdmesh.model.output_fields import CRACKED
 from pdmesh.model.zone_strengths import coarse_nodes, of_body, weakest_zones
 from pdsolve.checks import named, warn
 from pdsolve.codegen.compile_time import processor_kind, running_time
@@ -670,7 +670,9 @@ def find_local_pieces(team: Team) -> LocalPieces:
     """The pieces of own nodes."""
     subdomain: Subdomain = team.subdomain
     own_rows, system, begin = subdomain.own_rows, subdomain.system, subdomain.begin
-    sound = compute_node_damage(system, subdomain.broken()) <= CRACKED
+    settings, dimension = system.model.settings, system.model.grid.dimension
+    threshold = cracked_damage(settings.horizon.ratio, settings.material, dimension)
+    sound = compute_node_damage(system, subdomain.broken()) <= threshold
     source, target = system.operator.bonds(own_rows.start, own_rows.stop)
     inside = (target >= own_rows.start) & (target < own_rows.stop)
     sound_bonds = inside & sound[source] & sound[target]

@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.claims import CASES, Case, measured
 from benchmarks.runs import case_model, solved
-from pdmesh.model.output_fields import CRACKED
+from pdmesh.model.cracked_damage import CRACKED
 from pdsolve.measures.cracked_nodes import damage_without_pre_cracks_at
 from pdsolve.options import Options
 from pdsolve.results import Results

@@ -17,8 +17,8 @@ from system_checks import bonds_of, kept
 from tampered_databases import tampered
 
 from pdmesh.model.amounts import pair_count
+from pdmesh.model.cracked_damage import CRACKED
 from pdmesh.model.document import Run
-from pdmesh.model.output_fields import CRACKED
 from pdsolve.estimate import estimate_run
 from pdsolve.model import Model, ModelError, ModelWarning
 from pdsolve.results import Breaks, Results, ResultsError

@@ -114,7 +114,7 @@ def test_a_plate_that_does_not_break() -> None:
 
 def test_the_first_break_needs_no_cracked_node() -> None:
     nodes = lattice()
-    writer = create_writer(None, nodes, alone, np.empty((0, 4)), {"time_step": 1e-6})
+    writer = create_writer(None, nodes, alone, np.empty((0, 4)), {"time_step": 1e-6, "model": "{}"})
     writer.write(FrameRecord(9, 9e-6, None, Breaks(*np.array([[4], [50], [51]])), [], [], {}))
     found = find_crack_events(Results(writer.connection, "memory"))
     assert found.first_break is not None
