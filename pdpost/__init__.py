@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pdpost.figures.field_figure import notebook_png
     from pdpost.reading.studies import crack_table, study_table
     from pdsolve.measures.bond_pairs import largest_displacement, largest_stretch
+    from pdsolve.measures.boundary_motion import boundary_motion
     from pdsolve.measures.crack_3d import CrackSurfaceSummary, crack_3d
     from pdsolve.measures.crack_summary import CrackPathSummary, crack
     from pdsolve.results import Results
@@ -24,6 +25,7 @@ else:
             "Results": "pdsolve.results",
             "CrackPathSummary": "pdsolve.measures.crack_summary",
             "CrackSurfaceSummary": "pdsolve.measures.crack_3d",
+            "boundary_motion": "pdsolve.measures.boundary_motion",
             "crack": "pdsolve.measures.crack_summary",
             "crack_3d": "pdsolve.measures.crack_3d",
             "crack_table": "pdpost.reading.studies",
@@ -48,6 +50,7 @@ __all__ = [
     "CrackPathSummary",
     "CrackSurfaceSummary",
     "Results",
+    "boundary_motion",
     "crack",
     "crack_3d",
     "crack_table",

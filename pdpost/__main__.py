@@ -15,6 +15,7 @@ from pdmesh.spelling import meant
 from pdpost.commands import (
     animate_and_watch,
     bodies,
+    boundary,
     compare,
     crack,
     curves,
@@ -35,7 +36,7 @@ from pdpost.commands import (
 OF_PLATES = ("bonds", "compare", "nodes", "tradeoff")
 OF_BODIES = (
     "damage and other fields, animate, slice, render, crack, sif, fatigue, line, history, balance, reaction, report,"
-    " export, notch and study"
+    " export, boundary, notch and study"
 )
 
 
@@ -51,6 +52,7 @@ def parser() -> argparse.ArgumentParser:
         bodies,
         curves,
         line,
+        boundary,
         crack,
         sif,
         fatigue,
