@@ -79,7 +79,8 @@ class Completion(argparse.Action):
             first = next(action for action in parser._actions if not action.option_strings)
             first.choices = [*(first.choices or ()), word]
             for action in make_parser()._actions:
-                if not set(action.option_strings) & set(parser._option_string_actions):
+                names = {name for known in parser._actions for name in known.option_strings or [known.dest]}
+                if not names & set(action.option_strings or [action.dest]):
                     parser._add_action(action)
         _complete_files(parser, shtab, str(shell))
         print_text(shtab.complete(parser, shell=str(shell)))

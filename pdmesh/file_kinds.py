@@ -51,7 +51,7 @@ TAKEN = {  # by which command
     FileKind.DRAWING: "`pdmesh build {path}` makes a model of it, which pdsolve solves",
     FileKind.MODEL: "`pdsolve {path}` solves it",
     FileKind.RESULTS: "`pdpost report {path}` shows what is in it, `pdsolve --resume {path}` goes on with a run",
-    FileKind.STUDY: "`pdsolve study {path}` solves it",
+    FileKind.STUDY: "`pdsolve study {path}` solves it, `pdsolve fit {path}` fits its parameters",
 }
 
 

@@ -68,8 +68,20 @@ def measure(modulus: float) -> None:
     Path("curve.csv").write_text(f'"way, um","load, N"\n0,0\n{way * 5e5},{force * 0.005}\n{way * 1e6},{force * 0.01}\n')
 
 
-@pytest.mark.slow
 def test_the_modulus_of_a_bar_comes_back(bar: list[int], capsys: pytest.CaptureFixture[str]) -> None:
+    """In a linear bar it is that of the first guess times the ratio of the forces."""
+    Path("curve.csv").write_text('"way, m","load, N"\n1e-5,10e3\n')
+    assert main([*WORDS, "--json", "-q"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    (first,), (fitted,) = result["points"]["first"], result["points"]["fitted"]
+    assert fitted == pytest.approx(10e3 / 0.01, rel=1e-5)
+    assert result["parameters"][0]["value"] == pytest.approx(150e9 * fitted / first, rel=1e-5)
+    assert result["parameters"][0]["standard_error"] is None  # of one point
+    assert bar == list(range(1, result["runs"] + 1))
+
+
+@pytest.mark.slow
+def test_a_fit_is_printed_drawn_and_written(bar: list[int], capsys: pytest.CaptureFixture[str]) -> None:
     measure(210e9)
     capsys.readouterr()
     assert main([*WORDS, "--csv", "points.csv"]) == 0
@@ -159,3 +171,23 @@ def test_strength_and_toughness_of_a_notched_beam_come_back(here: Path, capsys: 
     assert toughness == pytest.approx(124, rel=1e-2)  # 123.99
     assert result["first_misfit"] > 0.1
     assert result["misfit"] < 2e-3
+
+
+@pytest.mark.slow
+def test_the_measured_curve_of_a_panel_is_fitted(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """As docs/how_to/fit.md has it, from a first guess that is nearer."""
+    Path("fit.toml").write_text(
+        f"drawing = {str(ROOT / 'geometries' / 'l_panel.py')!r}\n"
+        'set.drawing = {spacing = 0.025, lift = 1.01e-3}\n[fit]\ncondition = "arm"\nthickness = 0.1\n[fit.model]\n'
+        "material.E = {first = 22e9, bounds = [5e9, 60e9]}\nmaterial.f_t = {first = 1.9e6, bounds = [1e6, 6e6]}\n"
+        "material.G0 = {first = 120, bounds = [20, 300]}\n"
+    )
+    measured = ROOT / "docs" / "verification" / "reproductions" / "data" / "winkler_l_panel.csv"
+    assert main(["fit", "fit.toml", "--measured", str(measured), "--trust", "--json", "-q"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    values = [parameter["value"] for parameter in result["parameters"]]
+    assert values == pytest.approx([21.35e9, 1.772e6, 130.4], rel=0.01)
+    assert result["misfit"] == pytest.approx(0.0308, abs=2e-4)
+    assert [parameter["standard_error"] for parameter in result["parameters"]] == pytest.approx(
+        [5.5e8, 4.7e4, 2.6], rel=0.1
+    )

@@ -141,9 +141,12 @@ COMPLETED = (
     ("pdpost crack pla", "plate.sqlite"),
     ("pdpost crack --al", "--along"),
     ("pdsolve stu", "study"),
+    ("pdsolve fi", "fit"),
     ("pdsolve pla", "plate.sqlite"),
     ("pdsolve study --work", "--workers"),
     ("pdsolve study pla", "plate.sqlite"),
+    ("pdsolve fit pla", "plate.sqlite"),
+    ("pdsolve fit --meas", "--measured"),
 )
 
 
@@ -186,7 +189,7 @@ def test_fish_completes_a_command_and_a_file() -> None:
 @pytest.mark.usefixtures("completions")
 def test_powershell_is_told_of_all_commands_and_files() -> None:
     """Its script registers the programs; strings and braces of it end, as PowerShell reads them."""
-    for name, words in (("pdpost", ("'crack'", "'--along'")), ("pdsolve", ("'study'", "'--workers'"))):
+    for name, words in (("pdpost", ("'crack'", "'--along'")), ("pdsolve", ("'--measured'", "'--workers'"))):
         script = Path(f"_{name}").read_text()
         assert f"Register-ArgumentCompleter -Native -CommandName {name} " in script
         assert all(word in script for word in words)
@@ -194,7 +197,8 @@ def test_powershell_is_told_of_all_commands_and_files() -> None:
         assert not set("'\"") & set(code)
         assert (code.count("{"), code.count("(")) == (code.count("}"), code.count(")"))
     assert "'_shtab_pdsolve_pos_0' = '_words_and_files'" in script
-    assert "('study' -split ' ') -like" in script
+    assert "('study fit' -split ' ') -like" in script
+    assert "_shtab_pdsolve_pos_2" not in script  # the file of a study, behind either word
 
 
 SHOW = """fpath=($PWD $fpath); autoload -Uz compinit; compinit -D -u; bindkey '^I' complete-word
