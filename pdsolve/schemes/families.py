@@ -15,7 +15,7 @@ The cubic spline, with q = |xi| / horizon, is 2/3 - 4 q^2 + 4 q^3 up to q = 1/2 
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import msgspec
 import numpy as np
@@ -31,6 +31,7 @@ from pdsolve.bonds.interfaces import Crossings, Cut, Interfaces
 from pdsolve.conditions import unbreakable
 from pdsolve.laws import law_of
 from pdsolve.model import Model
+from pdsolve.schemes.balanced_families import NO_FACTORS, BorderFactors, border_factors
 from pdsolve.schemes.coarse_strength import is_unbreakable, strength_reach
 from pdsolve.schemes.separation_energy import bonds_in_space, cost, patch, patch_in_space
 
@@ -139,6 +140,8 @@ def filled(model: Model, limits: Limit) -> BondSource:
     neighbours = Neighbours(grid.position, grid.delta, horizon + margin, mutual=True)
     sight, farthest = sight_of(grid, model.name), float((horizon + margin).max())
     interfaces = Interfaces(model) if model.settings.interfaces else None
+    evenly = first.model == "correspondence"  # with influences that make K alike at all spacings
+    largest, d = float(horizon.max()), grid.dimension
 
     def counts(pairs: Pairs) -> NDArray[np.float64]:
         """Weights (b,) of neighbours at the distances of `pairs`, over their cells."""
@@ -146,7 +149,7 @@ def filled(model: Model, limits: Limit) -> BondSource:
         reach = (horizon[i] + horizon[j]) / 2
         return _counts(first, model.settings.horizon.ratio, length, reach, grid.delta[i], grid.delta[j])
 
-    def paired_of(rows: NDArray[np.int64]) -> Paired:
+    def paired_before_balance(rows: NDArray[np.int64]) -> Paired:
         pairs = neighbours.pairs(rows)
         pairs = chosen(pairs, counts(pairs) > ROUND_OFF)
         pairs = chosen(pairs, sight.inside(pairs))
@@ -155,8 +158,17 @@ def filled(model: Model, limits: Limit) -> BondSource:
         source_limit, target_limit = (limits(end, reach, crossings) for end in (pairs.source, pairs.target))
         limit = source_limit / 2 + target_limit / 2
         weight = counts(pairs._replace(length=sight.apart(pairs, first.detour, farthest)))
-        nothing = np.zeros(len(limit))
-        return Paired(pairs, weight > ROUND_OFF, nothing, limit, limit, weight * area[pairs.target])
+        nothing, even = np.zeros(len(limit)), (largest / reach) ** (d + 2) if evenly else 1.0
+        return Paired(pairs, weight > ROUND_OFF, nothing, limit, limit, weight * even * area[pairs.target])
+
+    @cache
+    def factors() -> BorderFactors:
+        return border_factors(grid, horizon, paired_before_balance, area) if evenly else NO_FACTORS
+
+    def paired_of(rows: NDArray[np.int64]) -> Paired:
+        paired = paired_before_balance(rows)
+        factor = factors().of(paired.pairs.source, paired.pairs.target, len(grid))
+        return paired._replace(weight=paired.weight * factor)
 
     def part(rows: NDArray[np.int64]) -> Part:
         return part_of(grid.position, unbreakable_nodes, rows, paired_of(rows))
