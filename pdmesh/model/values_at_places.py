@@ -26,6 +26,7 @@ from pdmesh.model.values_of_place import (
     LARGEST,
     LEAST,
     OPERATORS,
+    TABLES,
     TIME,
     PlaceError,
     Table,
@@ -225,6 +226,8 @@ def with_tables(conditions: Sequence[C], folder: Path, dimension: int, place: st
 def read_table(words: str, folder: Path, dimension: int) -> Table:
     """The table of a file in a folder; `words` are ``FILE`` or ``FILE.csv:COLUMN``. Raises PlaceError."""
     name, _, column = (part.strip() for part in words.partition(":"))
+    if not name.lower().endswith(TABLES):
+        raise PlaceError(f"a grid file cannot name {name}; use {' or '.join(TABLES)}, or a scene or a drawing")
     column = column.lower()  # as names of columns are read
     data = _bytes_beside(name, folder)
     header, rows = (None, _array(data, name)) if name.lower().endswith(".npy") else _columns(data, name)

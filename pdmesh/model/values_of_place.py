@@ -21,7 +21,8 @@ AXES = "xyz"
 TIME = "t"  # the column of times, s, in a file
 LONGEST = 1000  # letters of an expression
 MOST_PARTS = 500  # of its syntax tree
-FILES = (".csv", ".npy")  # ends of names of tables; see `values_at_places`
+TABLES = (".csv", ".npy")  # ends of names of tables; see `values_at_places`
+MESHES = (".vtu", ".vtk", ".pvd", ".frd")  # and of meshes, which scenes and drawings read
 LARGEST = 1e30  # of a value
 LEAST = 1e-100  # smaller values are 0
 
@@ -113,8 +114,8 @@ def named(name: str, at: int | None) -> str:
 
 
 def is_file(value: str) -> bool:
-    """Whether words name a file: FILE.csv, FILE.csv:COLUMN or FILE.npy."""
-    return value.partition(":")[0].strip().lower().endswith(FILES)
+    """Whether words name a file: FILE.csv, FILE.csv:COLUMN or FILE.npy, or a mesh, FILE.vtu:NAME."""
+    return value.partition(":")[0].strip().lower().endswith((*TABLES, *MESHES))
 
 
 def wrong_value(value: str | Table, dimension: int) -> str | None:

@@ -8,12 +8,13 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from pdmesh.model.document import Material
+from pdmesh.model.document import AnyCondition, Material
 from pdmesh.model.fracture_energy import with_fracture_energy
 from pdmesh.model.values_at_places import with_tables
-from pdmesh.model.values_of_place import PlaceError
+from pdmesh.model.values_of_place import PlaceError, named, replaced, varying
 from pdmesh.scene.body import Body, SolidBeside
 from pdmesh.scene.conditions import describe
+from pdmesh.scene.mesh_files import is_mesh, table_of_mesh
 from pdmesh.scene.node_fields import STRETCH
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
@@ -26,7 +27,8 @@ def with_files(scene: S, folder: Path) -> S:
     dimension, changed = len(scene.AXES), []
     for condition in scene.conditions:
         try:
-            (action,) = with_tables((condition.action,), folder, dimension, "")
+            action = _with_meshes(condition.action, folder, dimension)
+            (action,) = with_tables((action,), folder, dimension, "")
         except PlaceError as error:
             raise SceneError(f"{describe(condition.action)}: {str(error).removeprefix('[0].')}") from None
         changed.append(condition if action is condition.action else replace(condition, action=action))
@@ -39,6 +41,18 @@ def with_files(scene: S, folder: Path) -> S:
     if all(new is old for new, old in zip((*changed, *fields), (*scene.conditions, *scene.fields), strict=True)):
         return scene
     return replace(scene, conditions=tuple(changed), fields=tuple(fields))  # type: ignore[arg-type]
+
+
+def _with_meshes(action: AnyCondition, folder: Path, dimension: int) -> AnyCondition:
+    """The condition with tables in place of the names of meshes in a folder. Raises PlaceError."""
+    for name, at, value in varying(action):
+        if isinstance(value, str) and is_mesh(value):
+            try:
+                table = table_of_mesh(value, folder, dimension)
+            except PlaceError as error:
+                raise PlaceError(f"{named(name, at)}: {error}") from None
+            action = replaced(action, name, at, table)
+    return action
 
 
 def known(scene: S) -> S:

@@ -27,12 +27,12 @@ from pdmesh.model.values_at_places import (
     values_at,
 )
 from pdmesh.model.values_of_place import PlaceError, Table, Value, is_file
+from pdmesh.scene.mesh_files import is_mesh, table_of_mesh
 from pdmesh.scene.shapes import SceneError
 
 Array = NDArray[np.float64]
 STRETCH = "critical_stretch"  # of brittle bonds, whose G0 the grid file has
 STRENGTHS = {"f_t": 1, "strength": 1, "yield_stress": 1, STRETCH: 1, "G0": 2}  # power of a factor on the strength
-MESHES = (".vtu", ".vtk")
 FEWEST = 2.0  # spacings of a cube
 ON = 1e-6  # of a cube: a node this near to its lower side is in it
 
@@ -120,31 +120,13 @@ class PlacedField:
         value = self.value
         if isinstance(value, Picture):
             return replace(self, value=replace(value, pixels=_pixels(value.file, folder)))
-        if not isinstance(value, str) or not (is_file(value) or _is_mesh(value)):
+        if not isinstance(value, str) or not is_file(value):
             return self
-        if _is_mesh(value):
-            import meshio  # slow to import, and few scenes have such files
-
-            name, _, wanted = (part.strip() for part in value.partition(":"))
-            path = path_beside(name, folder)
-            try:
-                mesh = meshio.read(path)
-            except (Exception, SystemExit) as error:  # meshio exits where no reader can read the file
-                raise PlaceError(f"{name}: cannot be read ({error}); use a mesh that meshio reads") from None
-            places = {key: mesh.points for key, values in mesh.point_data.items() if np.ndim(values) == 1}
-            values = {key: np.asarray(mesh.point_data[key], dtype=float) for key in places}
-            middles = [mesh.points[block.data].mean(axis=1) for block in mesh.cells]
-            for key, parts in mesh.cell_data.items():
-                if key not in values and all(np.ndim(part) == 1 for part in parts):
-                    places[key], values[key] = np.concatenate(middles), np.concatenate(parts).astype(float)
-            if not wanted and len(values) == 1:
-                wanted = next(iter(values))
-            if wanted not in values:
-                raise PlaceError(f"{name} has the values {', '.join(values) or 'none'}; name one of them, {name}:NAME")
-            return replace(
-                self,
-                value=Table(tuple(map(tuple, places[wanted][:, :dimension].tolist())), tuple(values[wanted].tolist())),
-            )
+        if is_mesh(value):
+            table = table_of_mesh(value, folder, dimension)
+            if table.times:
+                raise PlaceError(f"{value.partition(':')[0]} has times; use a mesh of one")
+            return replace(self, value=table)
         own = array_of_nodes(value, folder)
         return replace(self, value=read_table(value, folder, dimension) if own is None else own)
 
@@ -212,7 +194,7 @@ def _described(value: Source, rule: str) -> str:
     if callable(value):
         return f"function {getattr(value, '__name__', '')}"
     if isinstance(value, str):
-        return f"{value}, {rule}" if is_file(value) or _is_mesh(value) else value
+        return f"{value}, {rule}" if is_file(value) else value
     return f"{value!r:.200}"
 
 
@@ -228,10 +210,6 @@ def _called(function: Callable[..., Any], position: Array, place: str) -> Array:
                 f"{place}: the function raises {type(error).__name__} at ({where}) m ({error}); return a number"
             ) from None
     return values
-
-
-def _is_mesh(value: str) -> bool:
-    return value.partition(":")[0].strip().lower().endswith(MESHES)
 
 
 def _pixels(name: str, folder: Path) -> Array:
