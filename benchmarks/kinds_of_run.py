@@ -101,14 +101,14 @@ def _diffusing(medium: Medium, **run: Any) -> tuple[Model, Options]:
     return Model(grid, settings), ALONE
 
 
-def _quenched(cold: float = 260.0, **run: Any) -> tuple[Model, Options]:
+def _quenched(cold: float = 260.0, D: float = 0.5, **run: Any) -> tuple[Model, Options]:
     """A held plate of 300 K whose left edge is quenched to `cold`, K: bonds break while heat goes through it."""
     grid = lattice(24, 16)
     edge, ends = _rows(grid, grid.position[:, 0] < H), _rows(grid, np.abs(grid.position[:, 1] - 8 * H) > 7 * H)
     settings = Settings(
         physics="thermoelastic",
         material=Material(E=72e9, rho=2440.0, G0=3.8, alpha=1e-5, T0=300.0),
-        medium=Medium(D=0.5, carries="heat", heat_capacity=2e6, deformation=True),
+        medium=Medium(D=D, carries="heat", heat_capacity=2e6, deformation=True),
         horizon=Horizon(3.0),
         conditions=(
             Concentration(nodes=edge, value=cold),
@@ -159,6 +159,7 @@ KINDS: dict[str, Callable[[], tuple[Model, Options]]] = {
     "particles": partial(_of, {}, run={"cracks": "particles", "particles": STRESS}),
     "at rest": partial(_at_rest, solver="static", static=Static(load_steps=8)),
     "heat": _quenched,
+    "slow heat": partial(_quenched, D=5e-3),
     "heat at rest": partial(_quenched, solver="static", time_step=1e-7, steps=4, every=1, ledger=1),
     "fatigue": partial(_tiring, Fatigue(A=1e9, m=3.0, A1=1e8, m1=4.0), (16, 12)),
     "fatigue by K": partial(_tiring, Fatigue(C=1e-30, m=3.0), (40, 30), cracks="particles", particles=ParticleRules()),

@@ -17,7 +17,7 @@ import numpy as np
 from pdmesh.model.document import ARC, ON_ONE_LATTICE, Absorb, Load, Run, Settings
 from pdsolve.checks import warn_of_model
 from pdsolve.conditions import has_conditions
-from pdsolve.diffusion.swelling import cycle_of
+from pdsolve.diffusion.swelling import steps_per_content_step
 from pdsolve.laws import law_of
 from pdsolve.model import Model, counted
 from pdsolve.numerics.memory import aligned
@@ -158,7 +158,7 @@ def estimate_run(model: Model, options: Options = DEFAULT) -> Plan:
         model = system.model
         if system.coupled_runs and settings.run.solver != "static":
             content_step = system.coupled_runs[0].system.stable_time_step
-            cycle = cycle_of(system.model.settings.run, system.time_step, content_step)
+            cycle = steps_per_content_step(system.time_step, content_step)
         summed = system.operator.bond_layout if paired and summed == "listed" else summed
         count, family, settings = system.initial_bond_counts, system.family_sizes, system.model.settings
         bound, step = system.stable_time_step, system.time_step

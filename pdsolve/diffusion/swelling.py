@@ -12,14 +12,12 @@ bonds.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pdmesh.model.document import Run
 from pdmesh.model.material_constants import poisson
 from pdmesh.model.neighbours import ROUND_OFF, Pairs
 from pdmesh.model.node_fields import with_field
@@ -33,7 +31,9 @@ from pdsolve.state import Broken, State
 from pdsolve.stepper import Stepper
 
 SMALL = 1e-5  # of strain: energies that far apart tell their derivative
-CYCLE = 20  # steps of the motion, at most, for one of the content: what heats as fast as waves go is that coarse
+# Steps of the motion, at most, for one of the content: what heats as fast as waves go is that coarse. A run chooses
+# one of these, all of which divide 10, 20 and 50, so that usual frames come at the end of a step of the content
+CYCLES = 1, 2, 5, 10
 
 
 class Swollen(Operator, Protocol):
@@ -205,14 +205,13 @@ class Swelling(Stepper):
         return self._bonds.energies(state)[0]
 
 
-def cycle_of(run: Run, step: float, bound: float) -> int:
-    """Steps of the motion, of `step` s, for one of a content whose longest step is `bound`, s.
+def steps_per_content_step(time_step: float, longest_content_step: float) -> int:
+    """Steps of the motion, of `time_step` s, for one of a content whose longest step is `longest_content_step`, s.
 
-    It divides the steps between two records, which so have both at the same time.
+    It does not depend on the steps between two records. A record within a step of the content has the content of the
+    nearest end of one.
     """
-    most = max(1, min(CYCLE, int(bound / step)))
-    between = math.gcd(run.frame_interval, run.ledger or run.frame_interval)
-    return max(cycle for cycle in range(1, most + 1) if between % cycle == 0)
+    return max(cycle for cycle in CYCLES if cycle == 1 or cycle * time_step <= longest_content_step)
 
 
 def coefficients(model: Model) -> Array:

@@ -18,7 +18,7 @@ from pdsolve.bonds.assembly import Scheme
 from pdsolve.checks import refuse_combinations, refuse_numbers
 from pdsolve.conditions import constrained_components, damping, initial_velocity, refuse_layers
 from pdsolve.diffusion import system as diffusion
-from pdsolve.diffusion.swelling import BrokenBonds, Swelling, Swollen, cycle_of
+from pdsolve.diffusion.swelling import BrokenBonds, Swelling, Swollen, steps_per_content_step
 from pdsolve.model import Model, ModelError, counted
 from pdsolve.numerics.thread_team import cores, useful_threads
 from pdsolve.operators.together import unwrap_bond_operator
@@ -134,7 +134,7 @@ def _prepare_swelling_motion(model: Model, options: Options, scheme: Scheme) -> 
     bonds = cast("Swollen", unwrap_bond_operator(system.operator))
     assert transport is not None
     if not rests:
-        cycle = cycle_of(counted(model, system.time_step).settings.run, system.time_step, transport.bound)
+        cycle = steps_per_content_step(system.time_step, transport.bound)
         marches = ForwardEuler(transport.operator, transport.drive, cycle * system.time_step)
     assert model.settings.medium is not None
     share = model.settings.medium.broken
@@ -160,7 +160,7 @@ def _prepare_swelling_plate_with_zone(model: Model, options: Options, scheme: Sc
     content = _prepare_diffusion(model.diffusing_part(system.time_step), Options(threads=system.options.threads))
     transport = content.system.transport
     assert transport is not None
-    cycle = cycle_of(counted(model, system.time_step).settings.run, system.time_step, transport.bound)
+    cycle = steps_per_content_step(system.time_step, transport.bound)
     marches = ForwardEuler(transport.operator, transport.drive, cycle * system.time_step)
     broken_now = operator.engine.broken_by_grid_rows
     broken = None if medium.broken == 1 else BrokenBonds(transport, broken_now, medium.broken)

@@ -1,7 +1,7 @@
-"""Fine zones that come too late: the run goes back, and makes cells fine sooner from its last frame before that on.
+"""Fine zones that come too late: the run goes back, and makes cells fine sooner from a step before that on.
 
-The step is that of a frame, and what is done between the checkpoint gone back to and that frame is done again: results
-depend neither on when checkpoints were written nor on whether a run was stopped meanwhile.
+The step is a multiple of a fixed number, and what is done between the checkpoint gone back to and that step is done
+again: results depend neither on when frames and checkpoints were written nor on whether a run was stopped meanwhile.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from pdsolve.run.system import RefinementThresholdFromStep
 from pdsolve.zone.cells import EVERY
 
 KEY = "sooner"  # of `meta`
+BETWEEN = 40  # steps between those from which on cells may come sooner: far more than a look at the zone, few to repeat
 
 
 def plan_zone_restart(
@@ -33,17 +34,16 @@ def plan_zone_restart(
 ) -> tuple[Model, tuple[RefinementThresholdFromStep, ...]]:
     """The model to solve after fine cells came too late, and from when on they are to come sooner.
 
-    A run that has no frame before that begins anew with a wider zone. So does one for which no wider zone is left,
-    first with the widest from the start, then with fine nodes everywhere.
+    A run that has no such step before that but the first begins anew with a wider zone. So does one for which no wider
+    zone is left, first with the widest from the start, then with fine nodes everywhere.
     """
-    run = model.settings.run
     now = (
         model_with_refinement_stretch_ratio(model, refinement_thresholds[-1].refinement_stretch_ratio)
         if refinement_thresholds
         else model
     )
     wider = model_with_wider_zone_or_fine_everywhere(now)
-    step = max(fine_zone_too_late.step - EVERY - 1, 0) // run.frame_interval * run.frame_interval
+    step = max(fine_zone_too_late.step - EVERY - 1, 0) // BETWEEN * BETWEEN
     if wider.settings.run.adapt == "none":
         return (now if refinement_thresholds else wider), ()
     if step == 0 or model.grid.dimension == 3:

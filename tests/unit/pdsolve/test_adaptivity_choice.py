@@ -187,13 +187,29 @@ def test_a_checkpoint_after_that_frame_is_none_to_go_back_to(tmp_path: Path) -> 
 
 
 @pytest.mark.slow
-def test_a_run_that_has_no_frame_yet_begins_anew_with_cells_that_come_earlier(tmp_path: Path) -> None:
+def test_a_run_that_is_late_at_its_start_begins_anew_with_cells_that_come_earlier(tmp_path: Path) -> None:
     """It is a run with that trigger to the bit."""
     late, wider = (tmp_path / f"{name}.sqlite" for name in ("late", "wider"))
-    with pytest.warns(ModelWarning, match=naming("step 71", "begins anew", "run.hybrid.kappa 0.5")):
-        simulate(with_run(jerked(), every=120), late).close()
-    simulate(with_run(jerked(kappa=0.5), every=120), wider).close()
+    with pytest.warns(ModelWarning, match=naming("step 36", "begins anew", "run.hybrid.kappa 0.5")):
+        simulate(stretched(5.0), late).close()
+    simulate(stretched(5.0, kappa=0.5), wider).close()
     assert contents(late) == contents(wider)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("every", [30, 120])
+def test_the_frames_of_a_run_change_no_cells_that_come_earlier(every: int) -> None:
+    """They come from the same step on, to the same end."""
+    breaks, balances = [], []
+    for interval in (40, every):
+        with pytest.warns(ModelWarning, match=naming("step 71", "from step 40 on")):
+            results = simulate(with_run(jerked(), every=interval))
+        breaks.append(results.breaks())
+        balances.append(results.summary()["energy"])
+        results.close()
+    assert len(breaks[0].step) > 0
+    assert all(np.array_equal(*columns) for columns in zip(*breaks, strict=True))
+    assert balances[0] == balances[1]
 
 
 @pytest.mark.slow
