@@ -35,7 +35,8 @@ FORCES_PER_THICKNESS = {
 }
 Floats = NDArray[np.float64]
 WEIGHT = "weight"
-LARGEST = 2**25  # bytes of a file
+MOST_BYTES = 2**25  # of a file
+LARGEST = 1e30  # number in it
 END = 1 + 1e-9  # of the end of a curve: a measured point up to here is within it
 EXAMPLE = 'write heads such as "lift, mm","load, N"'
 
@@ -70,9 +71,9 @@ def read_measured_curve(path: FilePath) -> MeasuredCurve:
     """
     path = Path(path)
     try:
-        text = read_bytes(path, LARGEST).decode("utf-8-sig")
+        text = read_bytes(path, MOST_BYTES).decode("utf-8-sig")
         lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if _has_values(line)]
-        table = list(csv.reader((line for _, line in lines), skipinitialspace=True, strict=True))
+        table = [next(csv.reader([line], skipinitialspace=True, strict=True)) for _, line in lines]
     except OSError as error:
         raise MeasuredCurveError(f"{path}: cannot be read: {error.strerror}") from None
     except (UnicodeDecodeError, csv.Error) as error:
@@ -137,8 +138,10 @@ def _values(path: Path, number: int, row: Sequence[str], columns: Sequence[int])
             value = float(word)
         except ValueError:
             value = np.nan
-        if not np.isfinite(value):
-            raise MeasuredCurveError(f"{path}, line {number}: '{word[:40]}' is no finite number; write one")
+        if not abs(value) <= LARGEST:
+            raise MeasuredCurveError(
+                f"{path}, line {number}: '{word[:40]}' is no finite number of at most {LARGEST:g}; write one"
+            )
         values.append(value)
     return values
 
@@ -149,6 +152,8 @@ def scale_to_model(curve: MeasuredCurve, dimension: int, thickness: float | None
     `option` is what gives the thickness, in the message. Raises MeasuredCurveError for a thickness that is missing, or
     of no use.
     """
+    if thickness is not None and not 1e-9 <= thickness <= 1e9:
+        raise MeasuredCurveError(f"{option} is {thickness:g} m; use a thickness from 1e-9 to 1e9 m")
     if dimension == 3 and curve.is_per_thickness:
         raise MeasuredCurveError(f"{curve.name}: forces are per thickness, and the model is 3D; give them in N")
     if dimension == 3 or curve.is_per_thickness:

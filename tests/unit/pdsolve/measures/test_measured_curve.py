@@ -58,6 +58,8 @@ def test_both_are_positive_at_the_largest_force(tmp_path: Path) -> None:
         ('"lift, mm","load, N"\n1,0\n', ("all forces",)),
         ('"lift, mm","load, N",weight\n1,2,-1\n', ("weight",)),
         ('"lift, mm","load, N\n1,2\n', ("CSV",)),
+        ('"lift, mm","load, N"\n1,"2\n3",4\n', ("CSV",)),
+        ('"lift, mm","load, N"\n1,2e31\n', ("line 2", "2e31")),
     ],
 )
 def test_what_is_no_curve_is_refused_in_one_line(tmp_path: Path, text: str, parts: tuple[str, ...]) -> None:
@@ -77,9 +79,13 @@ def test_forces_are_divided_by_the_thickness_in_2d_alone(tmp_path: Path) -> None
     assert scale_to_model(newton, 2, 0.1, "--thickness").force.tolist() == [20.0]
     assert scale_to_model(newton, 3, None, "--thickness").force.tolist() == [2.0]
     assert scale_to_model(per, 2, None, "--thickness").force.tolist() == [2.0]
-    for read, dimension, thickness in ((newton, 2, None), (newton, 3, 0.1), (per, 2, 0.1), (per, 3, None)):
+    cases = ((newton, 2, None), (newton, 3, 0.1), (per, 2, 0.1), (per, 3, None))
+    for read, dimension, thickness in cases:
         with pytest.raises(MeasuredCurveError, match=naming("curve.csv")):
             scale_to_model(read, dimension, thickness, "--thickness")
+    for thickness in (0.0, -0.1, float("nan")):
+        with pytest.raises(MeasuredCurveError, match=naming("--thickness")):
+            scale_to_model(newton, 2, thickness, "--thickness")
 
 
 def test_over_a_snap_back_the_force_falls_to_where_the_displacement_increases_again() -> None:
