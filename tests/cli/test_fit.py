@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import csv
 import json
+from argparse import Namespace
 from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from messages import mentions
 from plates import ROOT
@@ -14,8 +17,10 @@ from plates import ROOT
 from pdmesh import Material, Run, Scene, Static, box, build, ramp
 from pdmesh.__main__ import main as pdmesh
 from pdpost.__main__ import main as pdpost
+from pdpost.commands import curves
 from pdsolve.__main__ import main
-from pdsolve.study import dispatch, one_run, workers
+from pdsolve.measures.forces import ConditionForceHistory
+from pdsolve.study import dispatch, one_run
 from pdsolve.study.one_run import Outcome, Task
 
 FIT = """drawing = "bar.json"
@@ -116,11 +121,16 @@ def test_a_fit_that_was_stopped_repeats_no_run(bar: list[int], monkeypatch: pyte
         assert main([*WORDS, "-q"]) == 130
     assert main([*WORDS, "-q"]) == 0
     assert bar == list(range(1, len(bar) + 1))
-    Path("fit.sqlite").unlink()  # and the table is made anew from the runs
-    monkeypatch.setattr(workers, "_process", None)
-    before = len(bar)
+    began = {path.name: path.stat().st_mtime_ns for path in Path("fit.runs").glob("*.sqlite")}
+    Path("fit.sqlite").unlink()  # and the table is made anew from the runs, also where others come first
+    Path("fit.toml").write_text(FIT.replace("first = 150e9", "first = 200e9"))
+    bar.clear()
     assert main([*WORDS, "-q"]) == 0
-    assert {path.stem for path in Path("fit.runs").glob("*.sqlite")} == {f"{number:04}" for number in bar[:before]}
+    assert min(bar) == len(began) + 1
+    Path("fit.sqlite").unlink()
+    Path("fit.toml").write_text(FIT)
+    assert main([*WORDS, "-q"]) == 0
+    assert {path.name: path.stat().st_mtime_ns for path in Path("fit.runs").glob("*.sqlite")}.items() >= began.items()
 
 
 @pytest.mark.parametrize(
@@ -142,6 +152,26 @@ def test_bad_input_is_one_line(
     assert said.count("\n") == 1
     assert mentions(said, "pdsolve fit", *parts)
     assert bar == []
+
+
+@pytest.mark.parametrize(("force", "way"), [(1.0, 1.0), (-1.0, -1.0), (-1.0, 1.0)])
+def test_measured_points_have_the_signs_of_the_run(here: Path, force: float, way: float) -> None:
+    """Of a beam that is bent downwards, both are negative."""
+    Path("curve.csv").write_text('"a, mm","b, N"\n1,20\n2,30\n')
+    columns = np.array([0.0, 2.0, 1.0])
+    history = ConditionForceHistory(
+        0,
+        "pull",
+        "displacement",
+        columns.astype(int),
+        columns,
+        force * np.outer(columns, (0, 1)),
+        way * np.outer(columns, (0, 1)),
+    )
+    args = Namespace(measured=Path("curve.csv"), thickness=0.1, gap=None)
+    measured = curves._measured(SimpleNamespace(dimension=2), args, [history], None)
+    assert measured.force.tolist() == [force * 200, force * 300]
+    assert measured.displacement.tolist() == pytest.approx([way * 1e-3, way * 2e-3])
 
 
 def test_an_output_is_not_the_measured_curve(bar: list[int], capsys: pytest.CaptureFixture[str]) -> None:
