@@ -47,7 +47,7 @@ class Drawn(NamedTuple):
 
 FIELDS = {  # as fields.FIELDS, which is not imported for --help
     "damage": "draw the share of bonds that the run broke at the nodes of a frame",
-    "separation": "draw the share of bonds that are gone, those cut by pre-cracks counted",
+    "separation": "draw the share of bonds that are gone, cut by pre-cracks or, in load steps, softened",
     "energy": "draw the potential energy of the nodes",
     "displacement": "draw the displacement of the nodes",
     "velocity": "draw the velocity of the nodes",
@@ -105,6 +105,7 @@ def _field(args: argparse.Namespace) -> int:
     from pdpost.figures.sheets import seen
     from pdsolve.measures import fields
     from pdsolve.measures.slices import expect_3d_body
+    from pdsolve.measures.softened_bonds import separation_history
 
     name = args.picture
     if args.frames is not None:
@@ -136,6 +137,8 @@ def _field(args: argparse.Namespace) -> int:
         low, high = reported["smallest"], reported["largest"]
         ends = f"{low:.4g} to" if low is not None and fields.component_is_signed(name, part) else "up to"
         words = "nothing known" if high is None else f"{ends} {high:.4g} {unit}".rstrip()
+        if name == "damage" and high == 0 and (history := separation_history(results)) is not None:
+            words += f"; no bond broke, but bonds have softened: pdpost separation, up to {history.at(step).max():.4g}"
         if reported["torn"]:
             words += f", {reported['torn']} torn nodes left out"
         return Drawn(figure, reported, words, lambda: csv_columns.of_field(results, name, step))

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from pdsolve.measures.cracked_nodes import LINKED, ROUND_OFF, damage_with_pre_cracks_at, first_cracked_step_of_nodes
+from pdsolve.measures.cracked_nodes import LINKED, ROUND_OFF, first_cracked_step_of_nodes, separation_at
 from pdsolve.results import Results
 
 ABREAST = 0.5  # local spacings: nodes no further apart along a crack are beside each other
@@ -93,7 +93,7 @@ def label_cracked_nodes(results: Results, step: int, threshold: float | None = N
     spread = _label_nodes_by_first_arriving_crack(
         links, cracked_step, sorted(roots, key=lambda root: (root.first_cracked_step, min(root.origin_nodes)))
     )
-    return CrackedNodes(position, delta, damage_with_pre_cracks_at(results, step)[rows], *spread, links)
+    return CrackedNodes(position, delta, separation_at(results, step)[rows], *spread, links)
 
 
 class _NodePatchUnionFind:

@@ -20,6 +20,7 @@ from pdmesh.model.neighbours import Neighbours, tree_of
 from pdmesh.model.node_grid import Grid
 from pdmesh.model.visibility import sight_of
 from pdsolve.measures.embedded_model import read
+from pdsolve.measures.softened_bonds import separation_history
 from pdsolve.results import Results
 
 LINKED = 1.5  # spacings between two nodes of a crack
@@ -46,6 +47,12 @@ def damage_with_pre_cracks_at(results: Results, step: int) -> NDArray[np.float64
     """Separation (n,) of the living nodes after any step, also between frames; see above."""
     family, broken_count = _count_bonds_and_broken_bonds_at(results, step)
     return np.asarray(broken_count / np.maximum(family, 1))
+
+
+def separation_at(results: Results, step: int) -> NDArray[np.float64]:
+    """Separation (n,) as above, to which bonds that have softened in load steps add the energy they dissipated."""
+    damage, history = damage_with_pre_cracks_at(results, step), separation_history(results)
+    return damage if history is None else np.maximum(damage, history.at(step))
 
 
 def damage_without_pre_cracks_at(results: Results, step: int) -> NDArray[np.float64]:
@@ -118,7 +125,14 @@ def first_cracked_step_of_nodes(
             inherits = (since[died_row] >= 0) & (since[born_row] == birth[born_row])
             np.minimum.at(since, born_row[inherits], since[died_row[inherits]])
         since[born_rows[(since[born_rows] == birth[born_rows]) & ~hurt[born_rows]]] = 0
-    return since[results.rows(step)]
+    since = since[results.rows(step)]
+    history = separation_history(results)
+    if history is not None:  # a node is cracked once its bonds have softened as far, in a frame
+        softened = history.separation > threshold
+        first_step = history.step[softened.argmax(axis=0)]
+        earlier = softened.any(axis=0) & ((since < 0) | (first_step < since))
+        since = np.where(earlier, first_step, since)
+    return since
 
 
 def find_free_pre_crack_tips(

@@ -10,7 +10,12 @@ from numpy.typing import NDArray
 
 from pdmesh.model import output_fields
 from pdsolve.fracture.gradients import green, hooke, thinning
-from pdsolve.measures.cracked_nodes import cracked_damage_of, damage_with_pre_cracks_at, damage_without_pre_cracks_at
+from pdsolve.measures.cracked_nodes import (
+    cracked_damage_of,
+    damage_with_pre_cracks_at,
+    damage_without_pre_cracks_at,
+    separation_at,
+)
 from pdsolve.measures.frame_steps import OF_DIFFUSION, expect_physics_of, has_diffusion_only, scalar, vector
 from pdsolve.measures.strain import displacement_gradients, elastic_constants_of_nodes, thermal_strain_of_nodes
 from pdsolve.results import Results
@@ -55,7 +60,7 @@ FIELDS = {
     field.name: field
     for field in (
         _create_stored_nodal_field("damage", "Damage"),
-        NodalField("separation", "Damage, pre-cracks counted", ""),
+        NodalField("separation", "Separation", ""),
         _create_stored_nodal_field("energy", "Strain energy"),
         _create_stored_nodal_field("displacement", "Displacement", VECTOR),
         _create_stored_nodal_field("velocity", "Velocity", VECTOR),
@@ -126,7 +131,7 @@ def all_field_components(results: Results, field_name: str, step: int) -> dict[s
         return {"": damage_without_pre_cracks_at(results, step)}
     if field_name == "separation":
         expect_physics_of(results, field_name)
-        return {"": damage_with_pre_cracks_at(results, step)}
+        return {"": separation_at(results, step)}
     if not field.components:
         return {"": scalar(results, field_name, step)}
     if field.components == VECTOR:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pdmesh.model.neighbours import connected
 from pdsolve.measures.crack_faces import FaceNeighbourPairs
-from pdsolve.measures.cracked_nodes import cracked_damage_of, damage_with_pre_cracks_at
+from pdsolve.measures.cracked_nodes import cracked_damage_of, separation_at
 from pdsolve.measures.cracks import PIECE, cluster_nodes
 from pdsolve.measures.embedded_model import read
 from pdsolve.measures.strain import constants_of_nodes
@@ -40,7 +40,7 @@ class PlateFragments(NamedTuple):
 def find_plate_fragments(results: Results, step: int, threshold: float | None = None) -> PlateFragments:
     """The fragments after `step`: sound nodes linked along rows and columns, as in `cracks.plate_is_split`."""
     nodes, threshold = results.nodes(step), cracked_damage_of(results, threshold)
-    cracked = damage_with_pre_cracks_at(results, step) > threshold
+    cracked = separation_at(results, step) > threshold
     sound = np.flatnonzero(~cracked)
     piece = cluster_nodes(nodes.position[sound], nodes.delta[sound], link_distance=1.0)
     fragment_list, crumbs, small_pieces_area = [], 0, 0.0

@@ -96,7 +96,7 @@ def elastic_constants_of_nodes(results: Results, step: int) -> Stiffness:
 
     A node that was born later has the material of the nearest initial node.
     """
-    of_nodes, materials, number = _materials_of_nodes(results, step)
+    of_nodes, materials, number = materials_of_nodes(results, step)
     elastic = Stiffness(of_nodes("E"), of_nodes("nu"), materials[0].plane)
     if all(material.solid != ORTHOTROPIC for material in materials):
         return elastic
@@ -153,7 +153,7 @@ def constants_of_nodes(
 
     It is that of the node's material or of the field in its place. Raises ResultsError.
     """
-    of_nodes, materials, _ = _materials_of_nodes(results, step)
+    of_nodes, materials, _ = materials_of_nodes(results, step)
     return of_nodes, materials
 
 
@@ -163,7 +163,7 @@ def is_orthotropic(results: Results) -> bool:
     return any(one.solid == ORTHOTROPIC for one in (model.material, *(region.material for region in model.regions)))
 
 
-def _materials_of_nodes(
+def materials_of_nodes(
     results: Results, step: int
 ) -> tuple[Callable[[str], NDArray[np.float64]], tuple[Material, ...], NDArray[np.int64]]:
     """As `constants_of_nodes`, and the number of the material of each node (n,)."""
