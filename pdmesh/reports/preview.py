@@ -124,11 +124,14 @@ def _nodes(axes: Axes, grid: Grid, points: float) -> None:
 
 
 def _conditions(axes: Axes, document: Document, grid: Grid, points: float) -> None:
+    squares = np.zeros(len(grid), dtype=int)  # around each node
     for number, (label, colour, rows) in enumerate(body_preview.marked(document, grid)):
         size = marker(float(np.median(grid.delta[rows])), points)
+        around = float(np.median(squares[rows]))  # of these it is inside, as it would hide them
+        squares[rows] += 1
         style: dict[str, Any] = {
             "linestyle": "",
-            "markersize": 1.3 * size,
+            "markersize": max(1.3 - 0.5 * around, 0.3) * size,
             "markeredgewidth": max(0.25 * size, 0.3),
             "zorder": 3,
         }

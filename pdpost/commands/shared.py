@@ -298,9 +298,9 @@ def add_colours(command: argparse.ArgumentParser) -> None:
     )
     add_largest(
         command,
-        "; fields with a sign end at -N too (default: 1 for damage, otherwise the largest value, or the value that"
-        " 99.5 %% of the nodes stay below if a few are far above it; for strain and stress, nodes that have lost more"
-        " than 0.35 of their bonds do not count)",
+        "; fields with a sign end at -N too (default: for damage the first of 0.05, 0.1, 0.2, 0.5 and 1 that no node"
+        " exceeds, otherwise the largest value, or the value that 99.5 %% of the nodes stay below if a few are far"
+        " above it; for strain and stress, nodes that have lost more than 0.35 of their bonds do not count)",
     )
 
 

@@ -237,4 +237,5 @@ def _range(results: Results, name: str, step: int, part: str, box: Box) -> tuple
     shot = field_figure.values_of(results, name, step, part)
     values = shot.values[seen(results.nodes(step).position, box) & ~shot.torn]
     finite = values[np.isfinite(values)]
-    return colours.usual(finite), float(finite.min(initial=0.0)), float(finite.max(initial=0.0))
+    ends = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 0.0)
+    return colours.usual(finite), *ends

@@ -92,7 +92,7 @@ class Colours(NamedTuple):
 
 
 def colours(name: str, part: str, values: NDArray[np.float64], largest: float | None = None) -> Colours:
-    """Range and palette of a component: signed values symmetric about 0, others from 0.
+    """Range and palette of a component: signed values symmetric about 0, temperatures from the lowest, others from 0.
 
     The range ends at `largest` or, without it, at the usual largest value, for damage at a round number from the
     largest value up; the label names what is beyond.
@@ -100,7 +100,7 @@ def colours(name: str, part: str, values: NDArray[np.float64], largest: float | 
     finite = values[np.isfinite(values)]
     high = largest or (share_end(finite) if name in SHARES else usual(finite))
     signed = fields.component_is_signed(name, part)
-    low = -high if signed else 0.0
+    low = -high if signed else float(finite.min(initial=high)) if name == "temperature" else 0.0
     slack = ROUND_OFF * high
     above, below = bool((finite > high + slack).any()), bool((finite < low - slack).any())
     beyond = ("both" if below else "max") if above else ("min" if below else "neither")

@@ -179,9 +179,13 @@ def _speeds(shown: list[Numbered], speed: Axes, summary: CrackPathSummary) -> No
         sides = branch.speed.low * fast, branch.speed.high * fast
         speed.fill_between(branch.passing_time * second, *sides, color=style["color"], alpha=0.18, lw=0)
         speed.plot(branch.passing_time * second, branch.speed.value * fast, **style)
-    title = f"over {WINDOW:g} spacings, with its band"
+    if not fastest:
+        speed.text(0.5, 0.5, "none: cracks too wide\nor too short", ha="center", transform=speed.transAxes)
     if slow:
-        title += f"; the {summary.limiting_speed_name} is {limit:.0f} m/s"
+        speed.text(
+            1, 1, f"{summary.limiting_speed_name}: {limit:.0f} m/s", transform=speed.transAxes,
+            ha="right", va="top", fontsize="small",
+        )  # fmt: skip
     else:
         speed.axhline(limit * fast, color="black", ls="--", lw=0.9)
         speed.annotate(
@@ -189,7 +193,7 @@ def _speeds(shown: list[Numbered], speed: Axes, summary: CrackPathSummary) -> No
             textcoords="offset points", ha="right", va="bottom", fontsize="small",
         )  # fmt: skip
     speed.set_ylim(0, 1.15 * fast * (fastest if slow else limit))
-    speed.set_title(title, fontsize="small")
+    speed.set_title(f"over {WINDOW:g} spacings, with its band", fontsize="small")
     speed.set(xlabel=f"time, {seconds}", ylabel=f"tip speed, {unit}")
     plain(speed)
 
@@ -206,6 +210,6 @@ def _released(shown: list[Numbered], energy: Axes, summary: CrackPathSummary) ->
         textcoords="offset points", ha="right", va="bottom", fontsize="small",
     )  # fmt: skip
     energy.set_ylim(bottom=0)
-    energy.set_title("of all cracks, over ten spacings", fontsize="small")
-    energy.set(xlabel=f"time, {seconds}", ylabel=f"dissipated per crack area, {unit}")
+    energy.set_title("dissipated, over 10 spacings", fontsize="small")
+    energy.set(xlabel=f"time, {seconds}", ylabel=f"energy / crack area, {unit}")
     plain(energy)

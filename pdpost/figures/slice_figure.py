@@ -172,7 +172,7 @@ def field_range(results: Results, name: str, part: str, steps: list[int]) -> tup
         array[np.isfinite(array)]
         for array in (reliable_field_values(results, name, step, part or None) for step in steps)
     ]
-    ends = [(float(array.min(initial=0.0)), float(array.max(initial=0.0))) for array in frame_values]
+    ends = [(float(array.min()), float(array.max())) if len(array) else (0.0, 0.0) for array in frame_values]
     shares = np.array([high for _, high in ends])
     largest = share_end(shares) if name in SHARES else max(map(usual, frame_values)) or None
     return largest, min(low for low, _ in ends), max(high for _, high in ends)
