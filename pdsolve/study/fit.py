@@ -40,6 +40,7 @@ CHANGE = 5e-4  # of the scaled variables: a step this small ends the fit
 DECREASE = 1e-5  # of the sum of squares, likewise
 GRADIENT = 1e-6
 SEEN = 1e-5  # of the largest measured force: a parameter whose step changes the curve by less is not determined
+PULL = 1e-6  # of each variable towards the first guess: it decides what the curve does not
 ALIKE = 0.99  # correlation of parameters that the curve cannot tell apart
 NEAR = 1e-3  # of the scaled variables: a parameter this near to a bound is at it
 
@@ -238,7 +239,7 @@ class _Problem:
             )
 
     def residual(self, scaled: Floats) -> Floats:
-        """Weighted differences (n,) of the curves, whose sum of squares is that of the misfit; NaN of a failed run."""
+        """Weighted differences of the curves, NaN of a failed run, and the pull of the variables (n + p,)."""
         values = self._values(scaled)
         self._solve([values])
         residual = self._residual(values)
@@ -247,10 +248,10 @@ class _Problem:
             misfit = float(np.linalg.norm(residual))
             named = dict(zip((variable.name for variable in self.variables), values, strict=True))
             self._watch(FitProgress(self._evaluations, named, misfit if math.isfinite(misfit) else None))
-        return residual
+        return np.concatenate([residual, PULL * (scaled - 1)])
 
     def jacobian(self, scaled: Floats) -> Floats:
-        """The derivative (n, p) of the residual, by differences; 0 for a parameter that changes nothing."""
+        """The derivative (n + p, p) of the residual, by differences; 0 where a parameter changes no curve."""
         here = self._values(scaled)
         shifted = []
         for column, variable in enumerate(self.variables):
@@ -266,12 +267,13 @@ class _Problem:
             seen = np.abs(self._force(there) - self._force(here)).max() > SEEN * self._peak
             step = variable.scaled(there[column]) - variable.scaled(here[column])
             columns.append(change / step if seen else np.zeros_like(change))
-        return np.column_stack(columns)
+        return np.vstack([np.column_stack(columns), PULL * np.eye(len(columns))])
 
     def result(self, scaled: Floats, jacobian: Floats, evaluations: int, is_converged: bool) -> Fit:
         """The fit at the end of the iteration."""
         values, first = self._values(scaled), self._values(np.ones(len(self.variables)))
         residual = self._residual(values)
+        jacobian = jacobian[: len(residual)]
         is_determined = (jacobian != 0).any(axis=0)
         errors, correlation = _errors_and_correlation(jacobian, residual, is_determined)
         at_bound = (scaled - self.lower < NEAR) | (self.upper - scaled < NEAR)
