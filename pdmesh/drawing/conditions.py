@@ -2,7 +2,7 @@
 
 group                parameters below Peridynamics/
 "load:NAME"          Loads/NAME/Traction x, y, z, or Body force x, y, z, or Force x, y, z, or Pressure, Following (0); *
-"fix:NAME"           Fixes/NAME/Components (all), Displacement x, y, z; *
+"fix:NAME"           Fixes/NAME/Components (all), Displacement x, y, z; or, in a plate, K1, K2, Tip; *
 "move:NAME"          Moves/NAME/Velocity x, y, z, or Acceleration, or Initial velocity, or Initial displacement; *
 "spring:NAME"        Springs/NAME/Stiffness x, y, z, or Body stiffness x, y, z; * but Profile
 "gap:NAME"           -, two points
@@ -33,6 +33,7 @@ from pdmesh.drawing.parameters import MOTIONS, PREFIX, Parameters, content, eith
 from pdmesh.model.document import LARGEST
 from pdmesh.scene.body import Body
 from pdmesh.scene.edges import point_in
+from pdmesh.scene.k_field import k_field
 from pdmesh.scene.scene import Scene
 from pdmesh.scene.shapes import SceneError
 from pdmesh.scene.solids import brick
@@ -166,6 +167,10 @@ def acted_on(scene: S, places: Places, parameters: Parameters) -> S:
         ]
         components = parameters.text(f"{folder}/Components", scene.AXES, of=component_choices)
         displacements: dict[str, Any] = {}
+        if parameters.below(folder) & set(named.K_FIELD):
+            displacements, shared = _k_field(scene, parameters, folder)
+            scene = scene.fix(where, **displacements, name=name, **shared)
+            continue
         for axis in scene.AXES:
             value = parameters.of_place(f"{folder}/Displacement {axis}", is_length=True)
             if value and axis not in components:
@@ -182,6 +187,40 @@ def acted_on(scene: S, places: Places, parameters: Parameters) -> S:
         stiff = _filled(_given(parameters, folder, SPRINGS, scene.AXES))
         scene = scene.spring(where, name=name, **stiff, **rows(parameters, folder))
     return scene
+
+
+SAMPLES = 100  # of the field of a tip that moves
+
+
+def _k_field(scene: Scene | Body, parameters: Parameters, folder: str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Displacements of a K field, and other arguments of the condition. Raises SceneError naming the parameter."""
+    place = f"parameter '{PREFIX}{folder}/K1'"
+    others = parameters.below(folder) & {"Components", *(f"Displacement {axis}" for axis in scene.AXES)}
+    if others or not isinstance(scene, Scene):
+        wrong = f"is beside {min(others)}; leave it out" if others else "is for plates; use Displacement x, y, z"
+        raise SceneError(f"{place} {wrong}")
+    if scene.material is None:
+        raise SceneError(f"{place}: the plate has no material; give Material/E, rho and G0")
+    try:
+        x, y = (float(parameters.unit.metres(float(word))) for word in parameters.text(f"{folder}/Tip", "0 0").split())
+    except ValueError:
+        raise SceneError(f"parameter '{PREFIX}{folder}/Tip' is no place; use 'x y' in the drawing's unit") from None
+    arguments, speed = _shared(parameters, folder), parameters.number(f"{folder}/Tip speed", 0.0)
+    moving: dict[str, Any] = {}
+    if speed:
+        if scene.run.duration is None:
+            raise SceneError(f"parameter '{PREFIX}{folder}/Tip speed' needs Run/Duration; give it in s")
+        times = [scene.run.duration * number / SAMPLES for number in range(SAMPLES + 1)]
+        moving = {"speed": speed, "times": times, "profile": arguments.pop("profile")}
+    field = k_field(
+        scene.material,
+        parameters.number(f"{folder}/K1", 0.0),
+        parameters.number(f"{folder}/K2", 0.0),
+        tip=(x, y),
+        angle=parameters.number(f"{folder}/Tip angle", 0.0),
+        **moving,
+    )
+    return dict(zip(scene.AXES, field, strict=True)), arguments
 
 
 def rows(parameters: Parameters, folder: str) -> dict[str, Any]:

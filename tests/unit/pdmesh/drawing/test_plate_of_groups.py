@@ -12,11 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from messages import mentions, naming
 
-from pdmesh import Scene, SceneError
+from pdmesh import Scene, SceneError, build, k_field
 from pdmesh.drawing.parameters import NAMES
 from pdmesh.drawing.plate_of_groups import Group, scene_of
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.document import Displacement, InitialVelocity, Load, Velocity
+from pdmesh.model.values_of_place import Table
 from pdmesh.scene.conditions import parse_profile
 
 
@@ -361,3 +362,32 @@ def test_a_fine_zone_that_reaches_beyond_the_plate_is_said(right: float, said: i
 def test_zones_that_lie_side_by_side_are_not() -> None:
     beside = Group("zone:fine", 2, surfaces=(ring(0.02, 0, 0.03, 0.01),))
     assert scene({"Zones/fine/Spacing": 5e-4}, beside).notes == ()
+
+
+def test_a_group_may_move_as_around_a_tip() -> None:
+    field: dict[str, float | str] = {"Fixes/a/Box": "0 0 1 1", "Fixes/a/K1": 3e6, "Fixes/a/Tip": "0.01 0.0005"}
+    still = build(scene(field)).settings.conditions[-1]
+    assert isinstance(still, Displacement)
+    assert isinstance(still.y, Table)
+    material = scene().material
+    assert material is not None
+    expected = k_field(material, 3e6, tip=(0.01, 0.0005))
+    assert still.y.values[0] == pytest.approx(expected[1](*still.y.places[0]))  # type: ignore[operator]
+    moves = field | {"Fixes/a/Tip speed": 10.0, "Run/Duration": 1e-6, "Fixes/a/Profile": "ramp 1e-6"}
+    moving = build(scene(moves)).settings.conditions[-1]
+    assert isinstance(moving, Displacement)
+    assert isinstance(moving.y, Table)
+    assert (len(moving.y.times), moving.y.times[-1], moving.profile) == (101, 1e-6, ())
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"Fixes/a/Components": "x"}, naming("Fixes/a/K1", found="Components")),
+        ({"Fixes/a/Tip": "here"}, naming("Fixes/a/Tip", expected="x y")),
+        ({"Fixes/a/Tip speed": 10.0}, naming("Fixes/a/Tip speed", expected="Run/Duration")),
+    ],
+)
+def test_a_k_field_that_cannot_be_is_refused(more: dict[str, float | str], message: str) -> None:
+    with pytest.raises(SceneError, match=message):
+        scene({"Fixes/a/Box": "0 0 1 1", "Fixes/a/K1": 3e6} | more)
