@@ -82,7 +82,7 @@ class RunMeasure(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     cycles: Literal["total", "first_break"] | None = None  # of a run with fatigue
     sql: str | None = None  # a query of the database of a run, whose first value it is
     unit: str = ""  # of what `sql` selects
-    thickness: Annotated[float, msgspec.Meta(ge=1e-9, le=1e9)] | None = None  # m, of a plate, whose force is in N then
+    thickness: Annotated[float, msgspec.Meta(gt=0, le=1e3)] | None = None  # m, of a plate, whose force is in N then
 
     @property
     def quantity(self) -> tuple[str, str]:
