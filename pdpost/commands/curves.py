@@ -223,8 +223,8 @@ def _balance(args: argparse.Namespace) -> int:
     damped += f" + friction {last['friction']:.4g}" if last["friction"] else ""
     lines = [
         f"at {time_text(last['time'])}, J{per}: put in {last['work']:.4g} = kinetic {last['kinetic']:.4g} + strain"
-        f" {last['strain']:.4g} + dissipated {last['dissipated']:.4g}{damped} (balance {last['error']:+.1e})",
-        f"largest error of the balance: {books.error[worst]:+.1e} of the most put in,"
+        f" {last['strain']:.4g} + dissipated {last['dissipated']:.4g}{damped} (balance error {last['error']:+.1e})",
+        f"largest balance error: {books.error[worst]:+.1e} of the energy supplied,"
         f" at {time_text(float(books.time[worst]))}",
         *said,
     ]

@@ -184,7 +184,7 @@ def _balance(results: Results) -> list[str]:
     names = (*names, *(("friction",) if books.friction[-1] else ()))
     last = {name: f"{getattr(books, name)[-1]:.5g} J{per}" for name in names}
     last = {"put in" if name == "work" else name: value for name, value in last.items()}
-    last["balance error"] = f"{books.error[-1]:+.2e} of the most put in"
+    last["balance error"] = f"{books.error[-1]:+.2e} of the energy supplied"
     last["broken bonds"] = str(pair_count(len(results.breaks().step)))
     said = "".join(f"<li>{for_html(sentence)}</li>" for sentence in energy_loss_warnings(results))
     parts = [

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import msgspec
 import numpy as np
@@ -15,6 +15,7 @@ from pdsolve.measures.embedded_model import expect_mechanics, read
 from pdsolve.results import Results, ResultsError
 
 AMOUNTS = ("inside", "through", "supplied")
+SWELLING_SHARE = 1e-3  # of the energy of a body that swells and is clamped: work below it is little
 
 
 class EnergyBalance(NamedTuple):
@@ -29,7 +30,7 @@ class EnergyBalance(NamedTuple):
     friction: NDArray[np.float64]  # (t,) J/m, turned into heat where faces rub
     work: NDArray[np.float64]  # (t,) J/m, done by loads and holds, what refining made, and what was there at the start
     total: NDArray[np.float64]  # (t,) J/m, kinetic, strain, dissipated, damped and friction
-    error: NDArray[np.float64]  # (t,) total - work, over the most that was ever put in
+    error: NDArray[np.float64]  # (t,) total - work, over the energy supplied; see `relative_balance_error`
     momentum_x: NDArray[np.float64]  # (t,) N s/m
     momentum_y: NDArray[np.float64]  # (t,) N s/m
 
@@ -49,9 +50,32 @@ def friction_heat(ledger: NDArray[np.void]) -> NDArray[np.float64]:
     return np.asarray(ledger["friction"] if "friction" in (ledger.dtype.names or ()) else np.zeros(len(ledger)))
 
 
+def energy_supplied(largest_work: float, initial_energy: float, clamped_energy: float = 0.0) -> float:
+    """The energy supplied to a run, J/m, by which errors of its balance are divided.
+
+    It is the largest of the `largest_work`, given or taken, and the `initial_energy` at the start; of bodies that
+    swell also a share of the `clamped_energy` that their bonds would have without displacements, as work that little
+    is round-off.
+    """
+    return max(largest_work, initial_energy, SWELLING_SHARE * clamped_energy)
+
+
 def largest_energy_supplied_so_far(ledger: NDArray[np.void], initial_energy: float) -> float:
-    """Largest total energy supplied to a run so far, J/m, including the `initial_energy` energy at the start."""
-    return max(float(np.abs(ledger["work"]).max()), initial_energy)
+    """The energy supplied to a run, J/m, as its ledger tells it, with the `initial_energy` at the start."""
+    return energy_supplied(float(np.abs(ledger["work"]).max()), initial_energy)
+
+
+Energies = TypeVar("Energies", float, NDArray[np.float64])  # of one step, or of t
+
+
+def relative_balance_error(
+    total: Energies, work: Energies, refinement: Energies, initial_energy: float, supplied: float
+) -> Energies:
+    """The energy created since the start over the energy `supplied` to the run; 0 where none was.
+
+    `total` is present and dissipated; `work` was done, and `refinement` came with finer cells.
+    """
+    return (total - work - refinement - initial_energy) / supplied if supplied > 0 else 0.0 * total
 
 
 class _EnergyBalanceGridFileKeys(msgspec.Struct):
@@ -71,6 +95,12 @@ def energy_loss_warnings(results: Results) -> list[str]:
     return [] if said is None else [said]
 
 
+def _energy_supplied_of_summary(results: Results) -> float | None:
+    """The energy supplied as the run has summed it up; None before its end, and in files of earlier releases."""
+    supplied = results.summary().get("energy_supplied")
+    return None if supplied is None else float(supplied)
+
+
 def energy_balance(results: Results) -> EnergyBalance:
     """The energy balance of a run. Raises ResultsError if its ledger is empty."""
     ledger = results.history()
@@ -80,11 +110,12 @@ def energy_balance(results: Results) -> EnergyBalance:
     initial = float(results.meta()["initial_energy"])
     damped, friction = damped_energy(ledger), friction_heat(ledger)
     total = ledger["kinetic"] + ledger["strain"] + ledger["dissipated"] + np.nan_to_num(damped) + friction
-    energy_input = ledger["work"] + initial
-    if "refinement" in (ledger.dtype.names or ()):
-        energy_input = energy_input + ledger["refinement"]
-    scale = largest_energy_supplied_so_far(ledger, initial)
-    error = (total - energy_input) / scale if scale > 0 else np.zeros(len(ledger))
+    refined = "refinement" in (ledger.dtype.names or ())
+    refinement = ledger["refinement"] if refined else np.zeros(len(ledger))
+    energy_input = ledger["work"] + initial + refinement
+    supplied = _energy_supplied_of_summary(results)
+    supplied = largest_energy_supplied_so_far(ledger, initial) if supplied is None else supplied
+    error = relative_balance_error(total, ledger["work"], refinement, initial, supplied)
     return EnergyBalance(
         ledger["step"].astype(np.int64),
         ledger["time"],

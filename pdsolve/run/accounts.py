@@ -12,6 +12,7 @@ from pdsolve.checks import closing, warn_of_created_energy, warn_of_damping, war
 from pdsolve.errors import UnstableError
 from pdsolve.fracture.broken_area import broken_area
 from pdsolve.laws.material_checks import negative_secants
+from pdsolve.measures.balance import energy_supplied
 from pdsolve.numerics.team import PASSED, Team
 from pdsolve.results import FrameRecord, Results
 from pdsolve.run.assembly import compute_stable_time_step_of_intact_bonds
@@ -184,7 +185,13 @@ class EnergyAccounts:
     @property
     def balance_error(self) -> float:
         """Relative error of the last ledger entry; see `EnergyBalanceRow.balance_error`."""
-        return self.last.balance_error(self._system.initial_energy, max(self._largest_work, self._heat_energy))
+        return self.last.balance_error(self._system.initial_energy, self._energy_supplied)
+
+    @property
+    def _energy_supplied(self) -> float:
+        """The energy supplied until the last ledger entry, J/m."""
+        largest_work = max(self._largest_work, abs(self.last.work))
+        return energy_supplied(largest_work, self._system.initial_energy, self._heat_energy)
 
     def progress_text(self, broken_directed_bond_count: int) -> str:
         """State of the balance in words, with so many broken bonds, for a progress display."""
@@ -258,6 +265,7 @@ class EnergyAccounts:
         return {
             "broken_bonds": pair_count(self.broken_directed_bond_count),
             "energy": {name: getattr(self.last, name) for name in names},
+            "energy_supplied": self._energy_supplied,
             "balance": self.balance_error,
             **self._crack_area_and_energy_summary(),
             **({"energy_unit": "J"} if self._system.model.grid.dimension == 3 else {}),
@@ -278,9 +286,7 @@ class EnergyAccounts:
         cracks = broken_area(model.grid, model.settings.horizon.ratio, *of_material, broken.source, broken.target)
         if not cracks.cost > 0:  # bonds as long as a horizon, of a conical micromodulus, cost nothing
             return {}
-        created = self.balance_error * self.last.energy_scale(
-            system.initial_energy, max(self._largest_work, self._heat_energy)
-        )
+        created = self.balance_error * self._energy_supplied
         joined = {"interfaces": len(model.settings.interfaces)} if model.settings.interfaces else {}
         sure = system.scheme.symmetric and model.settings.contact is None
         return {"cracks": {**cracks._asdict(), "spent": self.last.dissipated - (created if sure else 0.0), **joined}}
@@ -288,7 +294,7 @@ class EnergyAccounts:
     def warn_at_end(self) -> None:
         """Issue warnings that follow from the last records."""
         system, last = self._system, self.last
-        put_in = last.energy_scale(system.initial_energy, self._largest_work)
+        put_in = self._energy_supplied
         closing(system.model, self.balance_error, last.dissipated, system.scheme.symmetric)
         if system.scheme.symmetric and not self._nodes_changed:
             warn_of_missing_dissipation(system.model, self.balance_error * put_in, put_in, last.dissipated)

@@ -13,6 +13,7 @@ from pdmesh.model.document import Pin, RigidBody, Selection, Spring
 from pdmesh.model.neighbours import lengths
 from pdmesh.model.output_fields import USUAL, usual
 from pdsolve.conditions import driving_conditions, factor_now, parts_of_loads
+from pdsolve.measures.balance import relative_balance_error
 from pdsolve.numerics.ordered_sums import Branches, branches, total
 from pdsolve.operators.ground_supports import supports_of
 from pdsolve.run.system import System
@@ -46,19 +47,18 @@ class EnergyBalanceRow(NamedTuple):
     damped: float = 0.0  # taken by damping, by layers that absorb and by numerical ones
     friction: float = 0.0  # turned into heat where bodies and crack faces rub
 
-    def balance_error(self, initial_energy: float, largest_work: float = 0.0) -> float:
+    def balance_error(self, initial_energy: float, supplied: float = 0.0) -> float:
         """Energy created since a start with `initial_energy` (J/m), over the energy supplied; 0 if energy is conserved.
 
-        The energy supplied is the largest of the work done, its maximum `largest_work` so far, and the initial energy.
+        The energy supplied is the largest of the work done, `supplied` so far, and the initial energy.
         """
         total_energy = self.kinetic + self.strain + self.dissipated + self.damped + self.friction
-        missing = total_energy - self.work - self.refinement - initial_energy
-        scale = self.energy_scale(initial_energy, largest_work)
-        return missing / scale if scale else 0.0
+        scale = self.energy_scale(initial_energy, supplied)
+        return relative_balance_error(total_energy, self.work, self.refinement, initial_energy, scale)
 
-    def energy_scale(self, initial_energy: float, largest_work: float = 0.0) -> float:
-        """The reference for relative energies, J/m: the largest of work done, `largest_work` and `initial_energy`."""
-        return max(abs(self.work), largest_work, initial_energy)
+    def energy_scale(self, initial_energy: float, supplied: float = 0.0) -> float:
+        """The reference for relative energies, J/m: the largest of work done, `supplied` and `initial_energy`."""
+        return max(abs(self.work), supplied, initial_energy)
 
 
 class BalancePart(NamedTuple):
