@@ -25,6 +25,7 @@ def add(commands: Commands) -> None:
     parser = shared.add_command(commands, "fatigue", about)
     add_every(parser)
     add_cracked(parser)
+    parser.add_argument("--until", type=float, default=float("inf"), metavar="N", help="leave out cycles after N")
     help_text = "other runs, in the same picture and the same numbers"
     parser.add_argument("--beside", metavar="RESULTS", nargs="+", default=[], help=help_text)
     commands.choices["fatigue"].set_defaults(run=_fatigue)
@@ -39,13 +40,13 @@ def _fatigue(args: argparse.Namespace) -> int:
     from pdsolve.measures.json_keys import fields_by_json_key
     from pdsolve.results import Results
 
-    path, runs = picture_path(args, ".fatigue.png"), list[FatigueLife]()
+    path, runs = picture_path(args, ".fatigue.png"), []
     with shared.styled(path, dict(args.assignments)):
         for name in (args.results, *args.beside):
             with Results.open(Path(name)) as results:
                 expect_mechanics(results)
                 steps = chosen(results, chosen_stride(results, args))
-                runs.append(measure_fatigue_life(results, steps, counted(args, "summing"), args.cracked))
+                runs.append(measure_fatigue_life(results, steps, counted(args, "summing"), args.cracked, args.until))
         if path is not None:
             from pdpost.figures import style
             from pdpost.figures.fatigue_figure import fatigue as figure
@@ -61,6 +62,8 @@ def _fatigue(args: argparse.Namespace) -> int:
             "line": None if run.paris_line is None else fields_by_json_key(run.paris_line),
             "tips": [fields_by_json_key(tip) for tip in run.tip_growths],
             "area": None if run.area_growth is None else run.area_growth._asdict(),
+            "cycles_until_last_tenth": run.cycles_until_last_tenth(),
+            "ended": run.end_reason,
         }
         for run in runs
     ]
@@ -75,7 +78,10 @@ def _lines(run: FatigueLife) -> list[str]:
 
     wrong = run.total_cycles_error / run.total_cycles if run.total_cycles_error and run.total_cycles else None
     off = "" if wrong is None else f", with an error from jumps and from K that is estimated at {wrong:.1%}"
-    lines = [f"{run.total_cycles:.6g} cycles in all{off}"]
+    until = run.cycles_until_last_tenth()
+    grown = "" if until is None else f"; nine tenths of the growth took {until:.6g} cycles"
+    lines = [f"{run.total_cycles:.6g} cycles in all{off}{grown}"]
+    lines += [f"the run ended: {run.end_reason}"] if run.end_reason else []
     if run.first_break_cycles is not None:
         lines.append(
             f"first bonds broke after {run.first_break_cycles:.6g} cycles,"
@@ -93,11 +99,14 @@ def _lines(run: FatigueLife) -> list[str]:
     if run.tip_growths and run.paris_line is not None:
         at = float(run.paris_line.growth_per_cycle(np.array(10e6)))
         lines.append(
-            f"da/dN = {at:.4g} m a cycle at 10 MPa m^0.5, m = {run.paris_line.m:.4g}, from"
-            f" {run.paris_line.point_count} points, which scatter by {10**run.paris_line.scatter - 1:.1%}"
+            f"da/dN = C dK^m: m = {run.paris_line.m:.4g}, C = {run.paris_line.C:.4g} m a cycle / (Pa m^0.5)^m, which is"
+            f" {at:.4g} m a cycle at 10 MPa m^0.5; from {run.paris_line.point_count} points, which scatter by"
+            f" {10**run.paris_line.scatter - 1:.1%}"
         )
+    elif run.K_refusal:
+        lines.append(f"no K, so that lengths stand alone: {run.K_refusal}")
     elif run.tip_growths:
-        lines.append("the crack grows in too few frames for a line")
+        lines.append("the crack grows in too few frames for a line; use a longer crack path or a finer grid")
     return lines
 
 

@@ -28,21 +28,24 @@ def fatigue(runs: Sequence[FatigueLife]) -> Figure:
         if not (run.tip_growths or run.area_growth)
         or (run.fatigue_law.A1 is not None and run.first_break_cycles is not None)
     ]
-    panels = 2 * bool(cracked) + bool(areas) + bool(smooth)
+    of_K = [run for run in cracked if not run.K_refusal]
+    panels = bool(cracked) + bool(of_K) + bool(areas) + bool(smooth)
+    scale = "log" if any(run.spans_orders_of_magnitude for run in runs) else "linear"
     figure = Figure(figsize=(WIDTH * max(panels, 1.2) / 2, 3.4), layout="constrained")
     axes = figure.subplots(1, panels, squeeze=False)[0].tolist()
     if cracked:
         for number, (run, growth) in enumerate(_tips(cracked)):
             label = f"{for_legend(run.name)}, {growth.name}" if len(runs) > 1 else growth.name
             axes[0].plot(growth.cycles, growth.grown_length * 1e3, marker=".", lw=1.2, label=label, **look(number))
-        axes[0].set(xlabel="cycles", ylabel="growth of the crack, mm")
+        axes[0].set(xlabel="cycles", ylabel="growth of the crack, mm", xscale=scale)
         axes[0].legend(frameon=False, fontsize="small")
-        _growth(axes[1], cracked, len(runs) > 1)
+    if of_K:
+        _growth(axes[1], of_K, len(runs) > 1)
     if areas:
-        opened = axes[2 * bool(cracked)]
+        opened = axes[bool(cracked) + bool(of_K)]
         for number, (run, (cycles, area)) in enumerate(areas):
             opened.plot(cycles, area * 1e6, marker=".", lw=1.2, label=for_legend(run.name), **look(number))
-        opened.set(xlabel="cycles", ylabel="area that opened, mm²")
+        opened.set(xlabel="cycles", ylabel="area that opened, mm²", xscale=scale)
         opened.legend(frameon=False, fontsize="small")
     if smooth:
         _lives(axes[-1], smooth)

@@ -258,7 +258,13 @@ class Growth:
         least = LEAST * self._horizon(tip)
         if radius >= least:
             return ""
-        return f"{what} is {radius:.3g} m from the tip at {_at(tip.place)}; it needs room of {least:.3g} m"
+        spacing = float(self._model.grid.delta[self._near.nearest(tip.place)]) * radius / least
+        unit = 10.0 ** (np.floor(np.log10(spacing)) - 1) if radius > 0 else 1.0  # two digits, rounded down
+        finer = f"; nodes {np.floor(spacing / unit) * unit:.2g} m apart or less have it" if radius > 0 else ""
+        return (
+            f"{what} is {radius:.3g} m from the tip at {_at(tip.place)};"
+            f" it needs room of {LEAST:g} horizons, {least:.3g} m{finer}"
+        )
 
     @property
     def remarks(self) -> list[str]:

@@ -27,6 +27,7 @@ from pdsolve.measures import stress_intensities
 from pdsolve.measures.crack_faces import build_crack_surface, find_opened_face_neighbours
 from pdsolve.measures.embedded_model import read
 from pdsolve.measures.frame_steps import frames
+from pdsolve.measures.tips import crack_branches
 from pdsolve.results import Results, ResultsError
 
 Array = NDArray[np.float64]
@@ -34,6 +35,8 @@ Array = NDArray[np.float64]
 SETTLED = 2.0  # horizons that a crack of bonds grows until the life ahead of it is that of a crack that grows
 FEWEST = 3  # points of a line
 FLAT = 1e-6  # m log(K1 / K0), below which both are as good as one
+NEARLY_ALL = 0.9  # of all growth: what comes later is the last tenth
+FAR = 10.0  # times the cycles until the last tenth of the growth: charts are logarithmic from here on
 FIRST, ROUNDS = 3.0, 20  # slope to begin with, and how often it is taken anew
 CYCLES = Cycled._fields.index("cycles")
 
@@ -84,6 +87,21 @@ class FatigueLife(NamedTuple):
     tip_growths: list[TipFatigueGrowth]  # of the cracks of a plate; empty: a smooth one
     paris_line: ParisLine | None  # Paris's, through these
     area_growth: CrackAreaGrowth | None = None  # of a body in space
+    end_reason: str | None = None  # why the run ended, if it did before its steps were over
+    K_refusal: str = ""  # why no tip has a K; then `tip_growths` are lengths alone
+
+    def cycles_until_last_tenth(self) -> float | None:
+        """Cycles until nine tenths of the growth are over of what grew most; None where nothing grew."""
+        growths = [(tip.cycles, tip.grown_length) for tip in self.tip_growths]
+        growths += [self.area_growth] if self.area_growth is not None else []
+        cycles, grown = max(growths, key=lambda growth: growth[1][-1], default=(np.zeros(1), np.zeros(1)))
+        return float(cycles[grown >= NEARLY_ALL * grown[-1]][0]) if grown[-1] > 0 else None
+
+    @property
+    def spans_orders_of_magnitude(self) -> bool:
+        """Whether the last tenth of the growth took most of the cycles by far."""
+        until = self.cycles_until_last_tenth()
+        return until is not None and 0 < until * FAR < self.total_cycles
 
     def woehler_cycles_to_break(self, strain_range: Array) -> Array:
         """Wöhler's line: cycles until bonds stretched by these ranges break, away from damage."""
@@ -138,15 +156,27 @@ def measure_fatigue_life(
     steps: Sequence[int],
     progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps,
     threshold: float | None = None,
+    until: float = np.inf,
 ) -> FatigueLife:
     """The life of a run, and the growth of its cracks; nodes of a body are cracked above the damage `threshold`.
 
-    Raises ResultsError.
+    Cycles after `until` do not count. Raises ResultsError.
     """
     N, model = cycles_after_steps(results), read(results, _FatigueGridFileKeys)
+    all_cycles, last = N[-1], int(np.searchsorted(N, until, side="right")) - 1
+    if not any(0 < step <= last for step in steps):
+        raise ResultsError(f"{results.name} has no frame until {until:g} cycles; use {N[min(1, len(N) - 1)]:g} or more")
+    N, steps = N[: last + 1], [step for step in steps if step <= last]
     said = results.summary()
     is_body = results.dimension == 3
-    growths = measure_tip_growths(results, steps, progress) if model.notch and not is_body else []
+    growths, refusal = list[TipFatigueGrowth](), ""
+    if model.notch and not is_body:
+        try:
+            growths = measure_tip_growths(results, steps, progress)
+        except stress_intensities.NoRoomError as error:
+            growths, refusal = measure_branch_growths(results, N, threshold), str(error)
+            if not growths:
+                raise
     first, stretch = (said.get(name) for name in ("first_break", "first_range"))
     broke = first is not None and stretch is not None and stretch > 0
     fatigue = model.run.fatigue or Fatigue()
@@ -161,13 +191,30 @@ def measure_fatigue_life(
         growths,
         fit_paris_line(growths),
         measure_area_growth(results, N, threshold) if is_body else None,
+        said.get("ended") if all_cycles == N[-1] else None,
+        refusal,
     )
+
+
+def measure_branch_growths(results: Results, cycles: Array, threshold: float | None = None) -> list[TipFatigueGrowth]:
+    """Lengths of the branches of cracks over the cycles (s + 1,) after each step, without K."""
+    growths, time_step = [], float(results.meta()["time_step"])
+    for number, branch in enumerate(crack_branches(results, len(cycles) - 1, threshold)):
+        step = np.rint(branch.passing_time / time_step).astype(np.int64).clip(max=len(cycles) - 1)
+        n, way = cycles[step], branch.length_along_crack
+        with np.errstate(divide="ignore", invalid="ignore"):
+            rate = np.diff(way) / np.diff(n)
+        unknown = np.full(len(n), np.nan)
+        growths.append(
+            TipFatigueGrowth(f"branch {number}", n, way, unknown, unknown, rate, np.zeros(len(rate), dtype=bool))
+        )
+    return growths
 
 
 def measure_area_growth(results: Results, cycles: Array, threshold: float | None = None) -> CrackAreaGrowth:
     """The area that opened in a body until each frame; `cycles` (s + 1,) are those after each step."""
     steps, times = frames(results)
-    last = int(steps[-1])
+    last = min(int(steps[-1]), len(cycles) - 1)
     surface = build_crack_surface(results, last, find_opened_face_neighbours(results, last, threshold))
     known = steps < len(cycles)
     return CrackAreaGrowth(cycles[steps[known]], surface.grown_area_at(times[known]))

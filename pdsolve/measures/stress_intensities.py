@@ -50,6 +50,10 @@ CRUMB = 0.6  # damage above which a node is no face of a crack, and what is fitt
 RINGS = ((0.0, 0.8), (0.25, 0.8), (0.5, 0.95))  # inner ends between the blurred and 0.8, outer ones of the room
 
 
+class NoRoomError(ResultsError):
+    """No tip of a crack has room for the integrals around it."""
+
+
 class TipRingIntegrals(NamedTuple):
     """The rings around a tip in one frame, and the values on each."""
 
@@ -135,7 +139,7 @@ def follow_tip_intensities(
             got[number].append(rings)
     if not any(any(front_rings) for front_rings in got):
         all_of_them = [f"{front.name}: {why}" for front, why in zip(chosen, refused, strict=True) if why]
-        raise ResultsError(f"{results.name}: {'; '.join(all_of_them) or 'found no tip of a crack at these frames'}")
+        raise NoRoomError(f"{results.name}: {'; '.join(all_of_them) or 'found no tip of a crack at these frames'}")
     when = np.array(steps, dtype=np.int64)
     return [
         _collect_intensity_history(front, when, time_step, front_rings, why)

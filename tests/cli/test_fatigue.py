@@ -13,7 +13,7 @@ import pytest
 from pdmesh import Body, Box, Circle, Fatigue, Material, Run, Scene, box, build
 from pdpost.__main__ import main as pdpost
 from pdpost.figures.fatigue_figure import fatigue as figure
-from pdsolve.measures.fatigue import FatigueLife, ParisLine, TipFatigueGrowth
+from pdsolve.measures.fatigue import CrackAreaGrowth, FatigueLife, ParisLine, TipFatigueGrowth
 from pdsolve.model import Model
 from pdsolve.run.simulation import Options, simulate
 
@@ -116,3 +116,72 @@ def test_the_line_that_was_given_stands_beside_the_one_found() -> None:
     (curve, point) = lives.lines
     assert point.get_xydata() == pytest.approx(np.array([[1e5, 1e-3]]))
     assert curve.get_xdata() == pytest.approx(1 / (A1 * np.asarray(curve.get_ydata()) ** M1))
+
+
+def late_growth() -> FatigueLife:
+    """A body whose crack is across after 2e4 cycles, and goes on beside it after 1e9."""
+    growth = CrackAreaGrowth(np.array([0.0, 1e4, 1.5e4, 2e4, 1e9]), 1e-6 * np.array([0.0, 5.0, 10.0, 14.0, 15.0]))
+    return life("late", Fatigue(A=1e9, m=3.0), None)._replace(total_cycles=1e9, tip_growths=[], area_growth=growth)
+
+
+def test_growth_that_ends_early_has_an_axis_that_shows_it() -> None:
+    late = late_growth()
+    assert late.cycles_until_last_tenth() == 2e4
+    assert late.spans_orders_of_magnitude
+    assert figure([late]).axes[0].get_xscale() == "log"
+    soon = late._replace(total_cycles=3e4)
+    assert figure([soon]).axes[0].get_xscale() == "linear"
+    still = late._replace(area_growth=CrackAreaGrowth(np.array([0.0, 1.0]), np.zeros(2)))
+    assert still.cycles_until_last_tenth() is None
+
+
+def test_the_growth_that_counts_is_that_of_the_longest_crack() -> None:
+    one = life("two", Fatigue(A=1e9, m=3.0), None)
+    (tip,) = one.tip_growths
+    both = one._replace(tip_growths=[tip, tip._replace(cycles=1e6 * tip.cycles, grown_length=tip.grown_length / 2)])
+    assert both.cycles_until_last_tenth() == 4
+
+
+def test_lengths_without_a_K_stand_alone() -> None:
+    unknown = life("narrow", Fatigue(A=1e9, m=3.0), None)._replace(K_refusal="the edge is near")
+    (lengths,) = figure([unknown]).axes
+    assert lengths.get_xlabel() == "cycles"
+    assert len(figure([life("wide", Fatigue(A=1e9, m=3.0), None), unknown]).axes) == 2
+
+
+def narrow_plate(run: Run) -> Scene:
+    """A plate with a crack whose tip has no room for K, pulled by its ends."""
+    return (
+        Scene(box(0, 0, 0.012, 0.012), 1e-3, STEEL, 3.0, run)
+        .crack([(0, 0.006), (0.004, 0.006)])
+        .fix("bottom", x=0, y=0)
+        .fix("top", x=0, y=2e-5)
+    )
+
+
+@pytest.mark.slow
+def test_a_narrow_plate_has_its_length_over_cycles(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Until the crack is across; `--until` leaves out what comes later, and the end of the run is told."""
+    built, path = (
+        build(narrow_plate(Run(solver="static", steps=60, every=1, fatigue=Fatigue(A=1e15, m=4.0)))),
+        tmp_path / "n.sqlite",
+    )
+    simulate(Model(built.grid, built.settings), path, Options(threads=1)).close()
+    picture = ["-o", str(tmp_path / "n.png"), "--force"]
+    assert pdpost(["fatigue", str(path), *picture]) == 0
+    said = capsys.readouterr().out
+    assert "no K" in said
+    assert "the run ended: " in said
+    assert pdpost(["fatigue", str(path), "--json"]) == 0
+    every = json.loads(capsys.readouterr().out)
+    tip = every["tips"][0]
+    assert tip["K"][0] is None
+    assert np.diff(tip["cycles"]).min() >= 0
+    assert 6e-3 < tip["length"][-1] < 9e-3
+    half = every["cycles"] / 2
+    assert pdpost(["fatigue", str(path), "--json", "--until", str(half)]) == 0
+    first = json.loads(capsys.readouterr().out)
+    assert first["cycles"] <= half
+    assert first["ended"] is None
+    assert every["ended"] is not None
+    assert pdpost(["fatigue", str(path), "--json", "--until", "1e-9"]) != 0

@@ -267,8 +267,9 @@ def test_what_cannot_be_is_refused_in_one_line(run: dict[str, Any], material: di
 def test_a_crack_needs_a_tip_and_a_ring_needs_room() -> None:
     with pytest.raises(ModelError, match=naming(found=("tip", "inside"))):
         prepare(pulled(crack=40.5e-3), Options(threads=1))
-    with pytest.raises(ModelError, match=naming(found="0.0095 m", expected="0.0105 m")):
+    with pytest.raises(ModelError, match=naming(found="0.0095 m", expected="0.0105 m")) as refused:
         prepare(pulled(ParticleRules()), Options(threads=1))
+    assert "nodes 0.0009 m apart" in str(refused.value)  # 1 mm apart, they need 3.5 horizons of 3 mm
 
 
 def test_particles_are_not_denser_than_nodes() -> None:
