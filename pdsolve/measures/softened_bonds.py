@@ -25,7 +25,7 @@ from pdmesh.model.material import Material
 from pdmesh.model.material_constants import critical_stretch
 from pdmesh.model.node_fields import NodeField
 from pdsolve.measures.embedded_model import at_rest, physics_of, read
-from pdsolve.measures.frame_steps import frames, vector
+from pdsolve.measures.frame_steps import vector
 from pdsolve.measures.strain import materials_of_nodes
 from pdsolve.results import Results
 
@@ -61,8 +61,8 @@ def separation_history(results: Results) -> SeparationHistory | None:
         return None
     if len(results.epochs()) > 1:
         return None
-    model, steps = read(results, _SofteningGridFileKeys), frames(results)[0]
-    if model.fields or not all({"ux", "uy"} <= set(results.stored(step)) for step in steps.tolist()):
+    model, steps = read(results, _SofteningGridFileKeys), results.frames()[0]
+    if model.fields or not len(steps) or not all({"ux", "uy"} <= set(results.stored(step)) for step in steps.tolist()):
         return None
     _, materials, number = materials_of_nodes(results, 0)
     if not any(_softens(material) for material in materials):
