@@ -34,7 +34,12 @@ def add(commands: Commands) -> None:
     for name, words, count, text in (
         ("--node", "ID", (1,), "a node by its id"),
         ("--at", "X,Y", (2, 3), f"the node nearest to a place, {PLACE}"),
-        ("--box", "X0,Y0,X1,Y1", (4, 6), "the mean of the nodes in a box, m, with their range; in a body six numbers"),
+        (
+            "--box",
+            "X0,Y0,X1,Y1",
+            (4, 6),
+            "the mean by mass of the nodes in a box, m, and their range; in a body six",
+        ),
     ):
         history.add_argument(
             name,
@@ -195,8 +200,11 @@ def _history_line(curve: NodeHistory, unit: str) -> str:
     finite = np.isfinite(curve.value)
     if not finite.any():
         return f"{curve.label}{where}{off}, {curve.component}: at none of {len(curve.time)} times by {curve.source}"
-    low, high = float(np.min(curve.smallest[finite])), float(np.max(curve.largest[finite]))
+    low, high = float(np.min(curve.value[finite])), float(np.max(curve.value[finite]))
     values = f"{finite.sum()} times by {curve.source}, {low:.4g} to {high:.4g} {unit}"
+    if len(curve.node_ids) > 1 and curve.place is None:  # the mean of several, not the nearest of them
+        low, high = float(np.min(curve.smallest[finite])), float(np.max(curve.largest[finite]))
+        values += f"; single nodes {low:.4g} to {high:.4g} {unit}"
     return f"{curve.label}{where}{off}, {curve.component}: {values}"
 
 

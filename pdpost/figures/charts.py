@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 
 DASHES = ("-", "--", "-.", ":")
 WIDTH = 7.0  # inches
+WIDE_BAND, CURVE_MARGIN = 4.0, 0.5  # of the span of curves: the band that is cut off, and what the axis shows of it
 
 
 def look(number: int) -> dict[str, Any]:
@@ -39,8 +40,24 @@ def plain(axes: Axes) -> None:
     axes.set_axisbelow(True)
 
 
+def _limits_of_curves_in_wide_bands(curves: list[NodeHistory]) -> tuple[float, float] | None:
+    """Limits of an axis by the values of curves alone, if their bands would flatten them; else None."""
+    values, sides = (
+        np.concatenate([np.zeros(0), *columns])
+        for columns in zip(*((curve.value, np.append(curve.smallest, curve.largest)) for curve in curves), strict=True)
+    )
+    values, sides = values[np.isfinite(values)], sides[np.isfinite(sides)]
+    span = float(np.ptp(values)) if len(values) else 0.0
+    if not 0 < WIDE_BAND * span < np.ptp(sides):
+        return None
+    return float(values.min()) - CURVE_MARGIN * span, float(values.max()) + CURVE_MARGIN * span
+
+
 def histories(curves: list[NodeHistory], quantity: str) -> Figure:
-    """Histories over time, of one or several components; the range of several nodes as a band."""
+    """Histories over time, of one or several components; the range of several nodes as a band.
+
+    The axis shows the curves, and cuts off bands that are far wider.
+    """
     figure = Figure(figsize=(WIDTH, 3.6), layout="constrained")
     axes = figure.add_subplot()
     plain(axes)
@@ -48,7 +65,9 @@ def histories(curves: list[NodeHistory], quantity: str) -> Figure:
     parts = dict.fromkeys(curve.component for curve in curves)
     symbols = {part: f"|{letter}|" if part == "magnitude" else f"{letter}{part}" for part in parts}
     second, seconds = scaled((curve.time for curve in curves), "s")
-    factor, shown = scaled((side for curve in curves for side in (curve.smallest, curve.largest)), unit)
+    limits = _limits_of_curves_in_wide_bands(curves)
+    ends = (side for curve in curves for side in (curve.smallest, curve.largest))
+    factor, shown = scaled(ends if limits is None else (curve.value for curve in curves), unit)
     for number, curve in enumerate(curves):
         style = look(number)
         if len(curve.node_ids) > 1:
@@ -63,6 +82,9 @@ def histories(curves: list[NodeHistory], quantity: str) -> Figure:
         axes.plot(curve.time * second, curve.value * factor, lw=1.2, label=name, **style)
     axes.set(xlabel=f"time, {seconds}", ylabel=f"{quantity} {' and '.join(symbols.values())}, {shown}")
     axes.margins(x=0.01)
+    if limits is not None:
+        axes.set_ylim(*(limit * factor for limit in limits))
+        axes.set_title("band: range of single nodes, cut off by the axis", fontsize="small", loc="left")
     axes.legend(frameon=False)
     return figure
 

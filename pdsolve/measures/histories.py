@@ -13,6 +13,7 @@ from pdmesh.model import node_arrays
 from pdmesh.model.output_fields import of_dimension
 from pdsolve.measures.fields import FieldError
 from pdsolve.measures.frame_steps import frames, last_frame, vector
+from pdsolve.measures.strain import materials_of_nodes
 from pdsolve.results import Nodes, Results, ResultsError
 
 OUTSIDE = 1.5  # spacings: a place further from every node is not of the plate
@@ -22,7 +23,7 @@ Place = tuple[float, ...]  # x, y and in a body z, m
 
 
 class NodeHistory(NamedTuple):
-    """A quantity of one node, or the mean of several nodes, at t times."""
+    """A quantity of one node, or the mean of several nodes by mass, at t times."""
 
     label: str
     component: str  # x, y, of a body z, or magnitude
@@ -117,7 +118,8 @@ def mean_history_in_box(
 ) -> NodeHistory:
     """The mean, smallest and largest value of all nodes in a box, m: x0, y0, x1, y1 in a plate, six numbers in a body.
 
-    Raises ResultsError.
+    The mean is weighted by the masses of the nodes, so that the mass of a body times its mean acceleration is the force
+    on it. Raises ResultsError.
     """
     _expect_coordinate_count(results, "--box", box, 2)
     corners = np.sort(np.reshape(box, (2, -1)), axis=0)
@@ -136,10 +138,14 @@ def mean_history_in_box(
         return np.flatnonzero(node_arrays.in_box(nodes, corners))
 
     time, values = _read_quantity_of_frames(results, find_rows_in_box, quantity, component)
-    spread = [
-        (frame_values.mean(), frame_values.min(), frame_values.max()) if len(frame_values) else (np.nan,) * 3
-        for frame_values in values
-    ]
+    spread = []
+    for step, frame_values in zip(frames(results)[0].tolist(), values, strict=True):
+        if not len(frame_values):
+            spread.append((np.nan,) * 3)
+            continue
+        rows = find_rows_in_box(results.nodes(step))
+        mass = (results.nodes(step).area * materials_of_nodes(results, step)[0]("rho"))[rows]
+        spread.append((np.average(frame_values, weights=mass), frame_values.min(), frame_values.max()))
     middle, low, high = np.array(spread).T
     return NodeHistory(label, component, ids, "frames", time, middle, low, high, None, 0.0)
 

@@ -112,8 +112,9 @@ def split(path: Path, at: int, side: int = 8) -> Results:
         Nodes(ids, one.position, one.delta, one.delta**2, np.full(len(ids), 10), np.zeros(len(ids), dtype=np.int64))
         for one, ids in ((grid, grid.ids), (fine, count + fine.ids))
     )
+    model = {"material": {"E": 1.0, "rho": 1.0, "G0": 1.0}}
     writer = create_writer(
-        path, start, alone, np.empty((0, 4)), {"time_step": 1e-7, "initial_energy": 0.0, "model": "{}"}
+        path, start, alone, np.empty((0, 4)), {"time_step": 1e-7, "initial_energy": 0.0, "model": json.dumps(model)}
     )
     for step in range(0, 50, 10):
         whole = step <= at

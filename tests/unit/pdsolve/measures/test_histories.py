@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import msgspec
@@ -10,9 +11,10 @@ import pytest
 from messages import naming
 from plates import plate, square_grid
 
-from pdmesh.model.document import Run, Velocity
+from pdmesh.model.document import Load, Material, Region, Run, Velocity
 from pdsolve.measures.histories import mean_history_in_box, nearest_node_history, node_history
 from pdsolve.model import Model
+from pdsolve.options import Options
 from pdsolve.results import Results, ResultsError
 from pdsolve.run.simulation import simulate
 
@@ -51,10 +53,29 @@ def test_the_mean_of_a_box_and_its_range(small_results: Path) -> None:
         curve = mean_history_in_box(results, (5e-3, 2e-3, 0.0, 0.0), "displacement", "y")  # corners in any order
         nodes = results.nodes()
         inside = (nodes.position[:, 0] < 5.1e-3) & (nodes.position[:, 1] > 0) & (nodes.position[:, 1] < 2e-3)
-        uy = results.field("uy", 60)[inside].astype(float)
+        uy, areas = results.field("uy", 60)[inside].astype(float), nodes.area[inside]
     assert len(curve.node_ids) == inside.sum() == 12
-    assert (curve.value[-1], curve.smallest[-1], curve.largest[-1]) == pytest.approx((uy.mean(), uy.min(), uy.max()))
+    assert (curve.value[-1], curve.smallest[-1], curve.largest[-1]) == pytest.approx(
+        (np.average(uy, weights=areas), uy.min(), uy.max())
+    )
     assert curve.smallest[-1] < curve.value[-1] < curve.largest[-1]
+
+
+def test_the_mean_velocity_of_a_body_is_its_momentum_over_its_mass() -> None:
+    """Of cells of two sizes and of two densities, one half of which is pushed."""
+    grid = square_grid(8, 8)
+    areas = np.where(grid.position[:, 1] < 4e-3, 1.0, 0.5) * grid.delta**2
+    grid = dataclasses.replace(grid, areas=areas)
+    left = (-1.0, -1.0, 4e-3, 1.0)
+    heavy = Region(box=left, material=Material(E=65e9, rho=8000.0, G0=200.0))
+    push = Load(box=left, body_force=(1e10, 0.0))
+    model = plate(grid, conditions=(push,), regions=(heavy,), run=Run(time_step=1e-8, steps=4, every=4))
+    with simulate(model, None, Options(threads=1)) as results:
+        mean = mean_history_in_box(results, (-1.0, -1.0, 1.0, 1.0), "velocity", "x").value[-1]
+        momentum = results.history()["momentum_x"][-1]
+        assert results.nodes().area == pytest.approx(areas)
+    mass = float((areas * model.rho).sum())
+    assert mean == pytest.approx(momentum / mass, rel=1e-5)
 
 
 def test_a_place_a_spacing_and_a_half_off_is_outside(small_results: Path) -> None:
