@@ -98,7 +98,7 @@ def _slice(args: argparse.Namespace) -> int:
 def _render(args: argparse.Namespace) -> int:
     from pdpost.figures import colours, render, style
     from pdsolve.measures import fields, slices
-    from pdsolve.measures.embedded_model import moment
+    from pdsolve.measures.embedded_model import counts_load_steps, moment
     from pdsolve.results import Results
 
     path = picture_path(args, ".render.png")
@@ -128,7 +128,10 @@ def _render(args: argparse.Namespace) -> int:
                     )
                 else:
                     figure = crack_render.cracks_in_body(
-                        nodes, build_crack_surface(results, step, parted_pairs), f"Cracks {at(results, step)}"
+                        nodes,
+                        build_crack_surface(results, step, parted_pairs),
+                        f"Cracks {at(results, step)}",
+                        counts_load_steps(results),
                     )
                 style.save(figure, path)
             output = None if path is None else str(path)

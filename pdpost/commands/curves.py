@@ -212,28 +212,30 @@ def _balance(args: argparse.Namespace) -> int:
     import numpy as np
 
     from pdsolve.measures.balance import energy_balance, energy_loss_warnings, thickness_unit_suffix
-    from pdsolve.measures.frame_steps import time_text
+    from pdsolve.measures.embedded_model import counts_load_steps
+    from pdsolve.measures.frame_steps import moment_text
     from pdsolve.results import Results
 
     path = picture_path(args, ".balance.png")
     with shared.styled(path, dict(args.assignments)), Results.open(args.results) as results:
-        books = energy_balance(results)
+        books, by_steps = energy_balance(results), counts_load_steps(results)
         per = thickness_unit_suffix(results)
         said = energy_loss_warnings(results)
         if path is not None:
             from pdpost.figures import charts, style
 
-            style.save(charts.balance(books, per), path)
+            style.save(charts.balance(books, per, by_steps), path)
     last = {name: float(column[-1]) for name, column in books._asdict().items()}
     worst = int(np.abs(books.error).argmax())
     damping_known = np.isfinite(last["damped"])
     damped = f" + damped {last['damped']:.4g}" if damping_known else " with what damping took"
     damped += f" + friction {last['friction']:.4g}" if last["friction"] else ""
     lines = [
-        f"at {time_text(last['time'])}, J{per}: put in {last['work']:.4g} = kinetic {last['kinetic']:.4g} + strain"
-        f" {last['strain']:.4g} + dissipated {last['dissipated']:.4g}{damped} (balance error {last['error']:+.1e})",
+        f"at {moment_text(last['time'], by_steps)}, J{per}: put in {last['work']:.4g} ="
+        f" kinetic {last['kinetic']:.4g} + strain {last['strain']:.4g}"
+        f" + dissipated {last['dissipated']:.4g}{damped} (balance error {last['error']:+.1e})",
         f"largest balance error: {books.error[worst]:+.1e} of the energy supplied,"
-        f" at {time_text(float(books.time[worst]))}",
+        f" at {moment_text(float(books.time[worst]), by_steps)}",
         *said,
     ]
     result = {
@@ -245,7 +247,7 @@ def _balance(args: argparse.Namespace) -> int:
     }
     header = (
         "step",
-        "time, s",
+        "load step" if by_steps else "time, s",
         *(f"{name}, J{per}" for name in ("kinetic", "strain", "dissipated", "damped", "friction", "put in", "total")),
     )
     header = (*header, "error", f"momentum x, N s{per}", f"momentum y, N s{per}")
@@ -254,6 +256,7 @@ def _balance(args: argparse.Namespace) -> int:
 
 def _reaction(args: argparse.Namespace) -> int:
     from pdsolve.measures.balance import thickness_unit_suffix
+    from pdsolve.measures.embedded_model import counts_load_steps
     from pdsolve.measures.forces import read_condition_force_histories, select_condition_force_histories
     from pdsolve.results import Results
 
@@ -263,13 +266,14 @@ def _reaction(args: argparse.Namespace) -> int:
         raise commandline.UsageError("--smooth needs --gap; give both, or leave it out")
     path = picture_path(args, ".reaction.png")
     with shared.styled(path, dict(args.assignments)), Results.open(args.results) as results:
+        by_steps = counts_load_steps(results)
         axis, per, ways = _axis(results, args), thickness_unit_suffix(results), "xyz"[: results.dimension]
         chosen_reactions = select_condition_force_histories(read_condition_force_histories(results), args.condition)
         measured = _measured(results, args, chosen_reactions, axis)
         if path is not None:
             from pdpost.figures import charts, style
 
-            style.save(charts.reactions(chosen_reactions, axis, per, measured), path)
+            style.save(charts.reactions(chosen_reactions, axis, per, measured, by_steps), path)
     lines = []
     for curve in chosen_reactions:
         along = curve.main_axis if axis is None else axis
@@ -293,7 +297,7 @@ def _reaction(args: argparse.Namespace) -> int:
         "condition",
         "kind",
         "step",
-        "time, s",
+        "load step" if by_steps else "time, s",
         *(f"force {way}, N{per}" for way in ways),
         *(f"displacement {way}, m" for way in ways),
     )

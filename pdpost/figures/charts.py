@@ -12,7 +12,7 @@ from pdmesh.model.amounts import way
 from pdmesh.model.output_fields import FIELDS
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_legend
-from pdpost.figures.colours import scaled, ten_to
+from pdpost.figures.colours import scaled, scaled_times, ten_to
 from pdpost.figures.style import COLOURS
 from pdsolve.measures import fields
 from pdsolve.measures.balance import AMOUNTS, EnergyBalance, MassBalance
@@ -89,11 +89,11 @@ def histories(curves: list[NodeHistory], quantity: str) -> Figure:
     return figure
 
 
-def balance(books: EnergyBalance, per: str = "/m") -> Figure:
+def balance(books: EnergyBalance, per: str = "/m", counts_load_steps: bool = False) -> Figure:
     """Energies over time, with the error of the energy balance below; `per` is the end of the unit."""
     figure = Figure(figsize=(WIDTH, 5.0), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.6, 1))
-    second, seconds = scaled([books.time], "s")
+    second, when = scaled_times([books.time], counts_load_steps)
     factor, unit = scaled([books.total, books.work], f"J{per}")
     damped = (name for name in ("damped", "friction") if np.any(getattr(books, name) > 0))
     for number, name in enumerate(("kinetic", "strain", "dissipated", "total", *damped)):
@@ -105,7 +105,7 @@ def balance(books: EnergyBalance, per: str = "/m") -> Figure:
     below.plot(books.time * second, books.error * small, lw=1.2, color="black")
     below.axhline(0, color="0.6", lw=0.6)
     power = "error over put in" if small == 1 else f"error over put in,\n{ten_to(-round(np.log10(small)))}"
-    below.set(xlabel=f"time, {seconds}", ylabel=power)
+    below.set(xlabel=when, ylabel=power)
     for axes in (above, below):
         plain(axes)
         axes.margins(x=0.01)
@@ -154,15 +154,16 @@ def reactions(
     axis: int | None = None,
     per: str = "/m",
     measured: MeasuredCurve | None = None,
+    counts_load_steps: bool = False,
 ) -> Figure:
-    """Forces over time and over the mean displacement of their nodes, with measured ones as points.
+    """Forces over time, or load steps, and over the mean displacement of their nodes, with measured ones as points.
 
     Components are along `axis`, or along each condition's own axis; `per` is the end of the unit.
     """
     figure = Figure(figsize=(WIDTH, 3.2), layout="constrained")
     over_time, over_way = figure.subplots(1, 2, sharey=True)
     axes_of = [curve.main_axis if axis is None else axis for curve in chosen_reactions]
-    second, seconds = scaled((curve.time for curve in chosen_reactions), "s")
+    second, when = scaled_times((curve.time for curve in chosen_reactions), counts_load_steps)
     newton, newtons = scaled(
         (curve.force[:, at] for curve, at in zip(chosen_reactions, axes_of, strict=True)), f"N{per}"
     )
@@ -183,7 +184,7 @@ def reactions(
     if measured is not None:
         over_way.plot(measured.displacement * metre, measured.force * newton, "o", color="black", ms=3)
         over_time.plot([], [], "o", color="black", ms=3, label=for_legend(measured.name))
-    over_time.set(xlabel=f"time, {seconds}", ylabel=f"force on the {'plate' if per else 'body'}, {newtons}")
+    over_time.set(xlabel=when, ylabel=f"force on the {'plate' if per else 'body'}, {newtons}")
     over_way.set(xlabel=f"mean displacement, {metres}")
     for panel in (over_time, over_way):
         plain(panel)

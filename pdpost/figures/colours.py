@@ -74,6 +74,12 @@ def scaled(values: Iterable[np.ndarray], name: str) -> tuple[float, str]:
     return unit(name, max(sizes, default=0.0))
 
 
+def scaled_times(times: Iterable[np.ndarray], counts_load_steps: bool) -> tuple[float, str]:
+    """A factor for times and the label of their axis, "load step" where times are those of load steps."""
+    factor, unit = (1.0, "") if counts_load_steps else scaled(times, "s")
+    return factor, "load step" if counts_load_steps else f"time, {unit}"
+
+
 class Colours(NamedTuple):
     """How a field's values are shown."""
 
@@ -168,11 +174,11 @@ class Opening(NamedTuple):
     label: str
 
 
-def opening_colours(surface: CrackSurface) -> Opening:
+def opening_colours(surface: CrackSurface, counts_load_steps: bool = False) -> Opening:
     """Colours from the first opening until nearly all of the area was open."""
     time = surface.opening_time[surface.face_opened_during_run]
     area = np.cumsum(surface.face_area[surface.face_opened_during_run])
-    factor, unit = scaled([time], "s")
+    factor, unit = (1.0, "load step") if counts_load_steps else scaled([time], "s")
     first, last = 0.0, 1.0
     if len(time):
         first, end = float(time[0]), float(time[np.searchsorted(area, NEARLY * area[-1])])

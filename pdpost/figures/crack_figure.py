@@ -16,14 +16,14 @@ from numpy.typing import NDArray
 from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_legend
 from pdpost.figures.charts import WIDTH, look, plain
-from pdpost.figures.colours import scaled
+from pdpost.figures.colours import scaled, scaled_times
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import Shape, Sheet, box_of, mark, on_axes, paint, shape
 from pdpost.figures.style import narrow
 from pdsolve.measures import crack_summary
 from pdsolve.measures.crack_summary import CrackPathSummary
 from pdsolve.measures.cracked_nodes import damage_without_pre_cracks_at
-from pdsolve.measures.frame_steps import time_text
+from pdsolve.measures.frame_steps import moment_text
 from pdsolve.measures.paths import LONG, Polyline
 from pdsolve.measures.speed import WINDOW
 from pdsolve.measures.tips import CrackBranch
@@ -49,11 +49,12 @@ def crack(results: Results, summary: CrackPathSummary | None = None, window: Box
     box = window or box_of([where])
     charts: list[Chart] = []  # beside the plate: none if no crack grows, and no speed for a run at rest
     if summary.branches:
-        released = [_released] if np.isfinite(summary.energy_release.release_rate).any() else []
+        knows_release = summary.cycles is None and np.isfinite(summary.energy_release.release_rate).any()
+        released = [_released] if knows_release else []
         charts = [_lengths, *([] if summary.is_quasi_static else [_speeds]), *released]
     figure, plate, places = _panels(box, len(charts))
     on = on_grey_plate(plate, box, where, damage_without_pre_cracks_at(results, summary.step))
-    when = time_text(summary.step * summary.time_step, micro="µs")
+    when = moment_text(summary.step * summary.time_step, summary.counts_load_steps, micro="µs")
     if not summary.branches:
         plate.set_title(f"No crack has grown at {when}", fontsize="medium")
         return figure
@@ -149,13 +150,13 @@ def _path(on: Sheet, branch: CrackBranch, **style: Any) -> None:
         on.axes.add_collection(way, autolim=False)
 
 
-def _lengths(shown: list[Numbered], length: Axes, _: CrackPathSummary) -> None:
+def _lengths(shown: list[Numbered], length: Axes, summary: CrackPathSummary) -> None:
     """Draw the length of the cracks over time."""
-    second, seconds = scaled((branch.passing_time for _, branch in shown), "s")
+    second, when = scaled_times((branch.passing_time for _, branch in shown), summary.counts_load_steps)
     metre, metres = scaled((branch.length_along_crack for _, branch in shown), "m")
     for drawn_before, (number, branch) in enumerate(shown):
         length.plot(branch.passing_time * second, branch.length_along_crack * metre, **_style(number, drawn_before))
-    length.set(ylabel=f"length, {metres}", xlabel=f"time, {seconds}")
+    length.set(ylabel=f"length, {metres}", xlabel=when)
     length.set_ylim(bottom=0)
     plain(length)
 
@@ -170,7 +171,7 @@ def _style(number: int, drawn_before: int) -> dict[str, Any]:
 def _speeds(shown: list[Numbered], speed: Axes, summary: CrackPathSummary) -> None:
     """Draw speed over time with its confidence band."""
     limit = summary.limiting_speed
-    second, seconds = scaled((branch.passing_time for _, branch in shown), "s")
+    second, when = scaled_times((branch.passing_time for _, branch in shown), summary.counts_load_steps)
     fastest = max(float(np.nanmax(branch.speed.high, initial=0.0)) for _, branch in shown)
     slow = 0 < fastest < SLOW * limit
     fast, unit = scaled([np.array([fastest if slow else limit])], "m/s")
@@ -194,14 +195,14 @@ def _speeds(shown: list[Numbered], speed: Axes, summary: CrackPathSummary) -> No
         )  # fmt: skip
     speed.set_ylim(0, 1.15 * fast * (fastest if slow else limit))
     speed.set_title(f"over {WINDOW:g} spacings, with its band", fontsize="small")
-    speed.set(xlabel=f"time, {seconds}", ylabel=f"tip speed, {unit}")
+    speed.set(xlabel=when, ylabel=f"tip speed, {unit}")
     plain(speed)
 
 
 def _released(shown: list[Numbered], energy: Axes, summary: CrackPathSummary) -> None:
     """Draw the energy dissipated per area of all cracks, beside G0."""
     spent = summary.energy_release
-    second, seconds = scaled((branch.passing_time for _, branch in shown), "s")
+    second, when = scaled_times((branch.passing_time for _, branch in shown), summary.counts_load_steps)
     joule, unit = scaled([spent.release_rate, np.array([spent.G0])], "J/m²")
     energy.plot(spent.time * second, spent.release_rate * joule, color="black", lw=1.3)
     energy.axhline(spent.G0 * joule, color="black", ls="--", lw=0.9)
@@ -211,5 +212,5 @@ def _released(shown: list[Numbered], energy: Axes, summary: CrackPathSummary) ->
     )  # fmt: skip
     energy.set_ylim(bottom=0)
     energy.set_title("dissipated, over 10 spacings", fontsize="small")
-    energy.set(xlabel=f"time, {seconds}", ylabel=f"energy / crack area, {unit}")
+    energy.set(xlabel=when, ylabel=f"energy / crack area, {unit}")
     plain(energy)

@@ -29,13 +29,13 @@ OLD = "#8a8a8a"  # colour of pre-cracks
 LIGHTING = {"ambient": 0.3, "diffuse": 0.7, "specular": 0.15}
 
 
-def cracks_in_body(nodes: Nodes, cracks: CrackSurface, written: str) -> Figure:
+def cracks_in_body(nodes: Nodes, cracks: CrackSurface, written: str, by_steps: bool = False) -> Figure:
     """The surface of the cracks, coloured by when it opened, in the body as through glass. Raises FigureError."""
     pyvista = needed_pyvista()
     plotter = plotter_of(pyvista)
     for part in _solids(pyvista, nodes, np.ones(len(nodes.ids), dtype=bool)):
         plotter.add_mesh(part, color=STONE, opacity=CLEAR)
-    times = _add_surface(pyvista, plotter, cracks)
+    times = _add_surface(pyvista, plotter, cracks, by_steps)
     painted = times.painted if cracks.face_opened_during_run.any() else None
     return framed(taken(plotter, nodes.position.mean(axis=0)), written, painted, times.label, "max")
 
@@ -101,9 +101,9 @@ def film(
         yield np.asarray(canvas.buffer_rgba())[:, :, :3].copy()
 
 
-def _add_surface(pyvista: Any, plotter: Any, cracks: CrackSurface) -> Opening:
+def _add_surface(pyvista: Any, plotter: Any, cracks: CrackSurface, by_steps: bool = False) -> Opening:
     """Add the surface of cracks to a plotter; returns the colours of what opened."""
-    times = opening_colours(cracks)
+    times = opening_colours(cracks, by_steps)
     for is_opened in (False, True):
         face_mask = cracks.face_opened_during_run == is_opened
         if not face_mask.any():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.colors import to_rgba
+from matplotlib.figure import SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d import Axes3D
@@ -13,10 +14,10 @@ from numpy.typing import NDArray
 
 from pdmesh.plain_figure import Figure
 from pdpost.figures.charts import WIDTH, look, plain
-from pdpost.figures.colours import Opening, opening_colours, scaled
+from pdpost.figures.colours import Opening, opening_colours, scaled, scaled_times
 from pdsolve.measures.crack_3d import CrackSurfaceSummary
 from pdsolve.measures.crack_fronts import line_length
-from pdsolve.measures.frame_steps import time_text
+from pdsolve.measures.frame_steps import moment_text
 from pdsolve.results import Results
 
 VIEW = (25.0, -60.0)  # degrees: height and turn of the eye
@@ -44,20 +45,12 @@ def crack_surface(results: Results, summary: CrackSurfaceSummary) -> Figure:
     axes = body.add_subplot(projection="3d")
     assert isinstance(axes, Axes3D)
     colours = _surface(axes, results, summary)
-    when = time_text(summary.step * float(results.meta()["time_step"]), micro="µs")
+    when = moment_text(summary.step * float(results.meta()["time_step"]), summary.counts_load_steps, micro="µs")
     figure.suptitle(f"Surface of the crack at {when}" if opened else f"No crack has grown at {when}", fontsize="medium")
     if opened:
         # on the left: labels of the axis z stand beyond the panel's right edge
         body.colorbar(colours.painted, ax=axes, label=colours.label, shrink=0.6, location="left", extend="max")
-        area, release = figure.add_subfigure(parts[1]).subplots(1, 2, gridspec_kw={"wspace": 0.05})
-        second, seconds = scaled([summary.frame_time], "s")
-        plain(area)
-        area.plot(summary.frame_time * second, summary.grown_area * 1e6, lw=1.3, **look(0))
-        area.set(xlabel=f"time, {seconds}", ylabel="area that opened, mm²")
-        plain(release)
-        release.plot(summary.frame_time * second, summary.dissipated_energy_per_area / summary.G0, lw=1.3, **look(1))
-        release.axhline(1.0, color="0.5", lw=0.8, ls=":")
-        release.set(xlabel=f"time, {seconds}", ylabel="dissipated / area / G₀", ylim=(0, None))
+        _charts(figure.add_subfigure(parts[1]), summary)
     keys: list[Artist] = []
     if not summary.surface.face_opened_during_run.all():
         keys.append(Patch(color=OLD, label="pre-crack"))
@@ -66,6 +59,24 @@ def crack_surface(results: Results, summary: CrackSurfaceSummary) -> Figure:
     if keys:
         axes.legend(handles=keys, loc="upper left", frameon=False, fontsize="small")
     return figure
+
+
+def _charts(figure: SubFigure, summary: CrackSurfaceSummary) -> None:
+    """Draw area and energy per area over time; of fatigue the area alone, over cycles, as bonds have no G0 there."""
+    factor, label = scaled_times([summary.frame_time], summary.counts_load_steps)
+    times = summary.frame_time * factor
+    if summary.cycles is not None:
+        times, label = summary.cycles, "cycles"
+    count = 1 if summary.cycles is not None else 2
+    area, *others = figure.subplots(1, count, squeeze=False, gridspec_kw={"wspace": 0.05})[0]
+    plain(area)
+    area.plot(times, summary.grown_area * 1e6, lw=1.3, **look(0))
+    area.set(xlabel=label, ylabel="area that opened, mm²")
+    for release in others:
+        plain(release)
+        release.plot(times, summary.dissipated_energy_per_area / summary.G0, lw=1.3, **look(1))
+        release.axhline(1.0, color="0.5", lw=0.8, ls=":")
+        release.set(xlabel=label, ylabel="dissipated / area / G₀", ylim=(0, None))
 
 
 def _seen_box(results: Results, summary: CrackSurfaceSummary) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -97,7 +108,7 @@ def _surface(axes: Axes3D, results: Results, summary: CrackSurfaceSummary) -> Op
     surface = summary.surface
     low, high = _seen_box(results, summary)
     metre, metres = scaled([low, high], "m")
-    opening = opening_colours(surface)
+    opening = opening_colours(surface, summary.counts_load_steps)
     colours = opening.painted.to_rgba(surface.opening_time * opening.factor)
     colours[~surface.face_opened_during_run] = to_rgba(OLD)
     if len(surface.face_corners):

@@ -30,11 +30,12 @@ from pdsolve.measures.balance import (
     mass_balance_with_unit,
     thickness_unit_suffix,
 )
-from pdsolve.measures.embedded_model import at_rest, moment, whole
+from pdsolve.measures.embedded_model import at_rest, counts_load_steps, moment, whole
 from pdsolve.measures.fields import FIELDS as FIELDS_BY_NAME
 from pdsolve.measures.fields import default_field_name, field_values
 from pdsolve.measures.forces import moving_conditions, read_condition_force_histories, strongest
 from pdsolve.measures.frame_steps import OF_DIFFUSION, chosen, frames, has_diffusion_only
+from pdsolve.measures.softened_bonds import separation_history
 from pdsolve.results import DamagedError, Nodes, Results, ResultsError
 
 DPI = 110
@@ -82,11 +83,12 @@ def report(results: Results, name: str, *, animation: str = "") -> str:
         *([("Load and displacement", curve)] if (curve := _load_displacement(results)) else []),
         *([("Crack", _crack(results))] if moves else []),
         ("Animation", [animation] if animation else _film(results, steps)),
+        *_fields_at_peak(results, steps),
         (f"Fields at {moment(results, int(steps[-1]), 'µs')}", _fields(results, int(steps[-1]))),
         ("Balance", _balance(results) if moves else _masses(results)),
         ("Scene", [*scene_images, _conditions(nodes, model)]),
         ("Grid", [_table(_grid(results, nodes))]),
-        ("Settings", [_table(_settings(model, meta, static=at_rest(results)))]),
+        ("Settings", [_table(_settings(model, meta, at_rest(results), counts_load_steps(results)))]),
         ("Provenance", [_table((title, meta[key]) for key, title in PROVENANCE.items() if key in meta)]),
     ]
     body = "\n".join(f"<h2>{for_html(title)}</h2>\n" + "\n".join(parts) for title, parts in sections)
@@ -94,6 +96,18 @@ def report(results: Results, name: str, *, animation: str = "") -> str:
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n{VIEWPORT}'
         f"<title>{for_html(name)}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<h1>{for_html(name)}</h1>\n{body}\n</body>\n</html>\n"
     )
+
+
+def _fields_at_peak(results: Results, steps: NDArray[np.int64]) -> list[tuple[str, list[str]]]:
+    """The fields in the frame nearest to the largest force of a quasi-static run; nothing where it is the last one."""
+    curves = moving_conditions(read_condition_force_histories(results)) if at_rest(results) else []
+    if not curves:
+        return []
+    curve = strongest(curves, 1)[0]
+    step = int(steps[np.abs(steps - int(curve.step[curve.peak_index])).argmin()])
+    if step in (0, int(steps[-1])):
+        return []
+    return [(f"Fields at the largest force, {moment(results, step, 'µs')}", _fields(results, step))]
 
 
 def _load_displacement(results: Results) -> list[str]:
@@ -149,7 +163,7 @@ def _grid(results: Results, nodes: Nodes) -> dict[str, str]:
     }
 
 
-def _settings(model: dict[str, Any], meta: Mapping[str, Any], *, static: bool) -> dict[str, str]:
+def _settings(model: dict[str, Any], meta: Mapping[str, Any], static: bool, counts_steps: bool) -> dict[str, str]:
     run = model.get("run", {})
     made_of = model.get("medium") or model["material"]
     settings = {name: f"{_text(value)} {UNITS.get(name, '')}".rstrip() for name, value in made_of.items()}
@@ -159,7 +173,8 @@ def _settings(model: dict[str, Any], meta: Mapping[str, Any], *, static: bool) -
     settings["horizon"] = f"{model.get('horizon', {}).get('ratio', 3.0):g} spacings"
     second, prefix = prefixed(float(meta["time_step"]))
     step, sure = (f"{meta[name] * second:.4g} {prefix}s" for name in ("time_step", "stable_time_step"))
-    settings["time step"] = step if static else f"{step}, stable up to {sure}"
+    if not counts_steps:
+        settings["time step"] = step if static else f"{step}, stable up to {sure}"
     settings |= {name: _text(value) for name, value in run.items() if name != "time_step"}
     settings |= {
         name.removeprefix("Peridynamics/"): _text(value) for name, value in model.get("parameters", {}).items()
@@ -190,11 +205,16 @@ def _balance(results: Results) -> list[str]:
     parts = [
         _table(last),
         *([f"<ul>{said}</ul>"] if said else []),
-        _image(charts.balance(books, per), "energies over time"),
+        _image(charts.balance(books, per, counts_load_steps(results)), "energies over time"),
     ]
     if len(results.reactions()):
         histories = read_condition_force_histories(results)
-        parts.append(_image(charts.reactions(strongest(histories, CURVES), per=per), "forces of loads and grips"))
+        parts.append(
+            _image(
+                charts.reactions(strongest(histories, CURVES), per=per, counts_load_steps=counts_load_steps(results)),
+                "forces of loads and grips",
+            )
+        )
     return parts
 
 
@@ -226,7 +246,7 @@ def _crack(results: Results) -> list[str]:
 
 def _fields(results: Results, step: int) -> list[str]:
     parts, zero = [], []
-    for name in FIELDS:
+    for name in (*FIELDS, *(["separation"] if separation_history(results) is not None else [])):
         if name in OF_MOTION and at_rest(results):
             continue
         try:

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from pdmesh.model.material import Material
 from pdsolve.measures.crack_faces import CrackSurface, build_crack_surface, find_opened_face_neighbours
 from pdsolve.measures.crack_fronts import Polyline, estimate_front_speed_at_faces, front_lines_at, line_length
-from pdsolve.measures.embedded_model import at_rest, own_G0, read
+from pdsolve.measures.embedded_model import at_rest, counts_load_steps, own_G0, read
+from pdsolve.measures.fatigue import cycles_at_times
 from pdsolve.measures.fragments import BodyFragments, find_body_fragments
-from pdsolve.measures.frame_steps import frames, last_step, time_text
+from pdsolve.measures.frame_steps import frames, last_step, moment_text
 from pdsolve.measures.json_keys import fields_by_json_key
 from pdsolve.measures.speed import RAYLEIGH, limiting_speed
 from pdsolve.results import Results
@@ -41,6 +42,8 @@ class CrackSurfaceSummary:
     G0: float  # J/m^2, of the body's own material
     G0_remark: str = ""  # on ratios to G0
     limiting_speed_name: str = RAYLEIGH
+    counts_load_steps: bool = False  # times are the numbers of load steps
+    cycles: NDArray[np.float64] | None = None  # (t,) of the frames of a run of fatigue, whose energy is no G0
 
     @property
     def dissipated_energy_per_area(self) -> NDArray[np.float64]:
@@ -85,6 +88,8 @@ def crack_3d(results: Results, step: int | None = None, threshold: float | None 
         G0=read(results, _FractureEnergyGridFileKeys).material.G0,
         G0_remark=own_G0(results),
         limiting_speed_name=limit.name,
+        counts_load_steps=counts_load_steps(results),
+        cycles=cycles_at_times(results, times),
     )
 
 
@@ -131,16 +136,18 @@ def summary_for_json(summary: CrackSurfaceSummary) -> dict[str, object]:
 
 def frame_table(summary: CrackSurfaceSummary) -> tuple[tuple[str, ...], list[tuple[object, ...]]]:
     """Header and rows: area, energy and front of every frame."""
-    header = ("step", "time, s", "area, m^2", "dissipated, J", "dissipated/area, J/m^2", "front, m")
-    columns = (
-        summary.frame_step,
-        summary.frame_time,
-        summary.grown_area,
-        summary.dissipated_energy,
-        summary.dissipated_energy_per_area,
-        summary.front_length,
-    )
-    return header, list(zip(*(column.tolist() for column in columns), strict=True))
+    columns = {
+        "step": summary.frame_step,
+        "load step" if summary.counts_load_steps else "time, s": summary.frame_time,
+        "area, m^2": summary.grown_area,
+        "dissipated, J": summary.dissipated_energy,
+        "dissipated/area, J/m^2": summary.dissipated_energy_per_area,
+        "front, m": summary.front_length,
+    }
+    if summary.cycles is not None:  # bonds that lost their life dissipate less than G0
+        del columns["dissipated/area, J/m^2"]
+        columns["cycles"] = summary.cycles
+    return tuple(columns), list(zip(*(column.tolist() for column in columns.values()), strict=True))
 
 
 def summary_sentences(summary: CrackSurfaceSummary) -> list[str]:
@@ -155,10 +162,13 @@ def summary_sentences(summary: CrackSurfaceSummary) -> list[str]:
         front = f"{sum(long):.4g} mm{parts}"
     first_opening_time = float(summary.surface.opening_time[new_faces][0])
     lines = [
-        f"area that opened: {area * 1e6:.4g} mm^2, the first at {time_text(first_opening_time)}",
-        f"dissipated over area, of G0: {summary.dissipated_energy_per_area[-1] / summary.G0:.3g}{summary.G0_remark}",
+        f"area that opened: {area * 1e6:.4g} mm^2, the first at"
+        f" {moment_text(first_opening_time, summary.counts_load_steps)}",
         f"front at the end: {front}",
     ]
+    if summary.cycles is None:
+        ratio = summary.dissipated_energy_per_area[-1] / summary.G0
+        lines.insert(1, f"dissipated over area, of G0: {ratio:.3g}{summary.G0_remark}")
     if speed is not None:
         low, middle, high = speed
         lines.append(

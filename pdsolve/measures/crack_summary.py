@@ -15,9 +15,10 @@ from pdsolve.measures.directions import (
     PredictedCrackDirection,
     measure_initial_directions,
 )
-from pdsolve.measures.embedded_model import at_rest, moment, own_G0
+from pdsolve.measures.embedded_model import at_rest, counts_load_steps, moment, own_G0
+from pdsolve.measures.fatigue import cycles_at_times
 from pdsolve.measures.fragments import PlateFragments, find_plate_fragments
-from pdsolve.measures.frame_steps import last_step, time_text
+from pdsolve.measures.frame_steps import last_step, moment_text, time_text
 from pdsolve.measures.json_keys import fields_by_json_key
 from pdsolve.measures.paths import main_growth_direction_name
 from pdsolve.measures.release import EnergyRelease, measure_energy_release
@@ -48,6 +49,8 @@ class CrackPathSummary:
     is_quasi_static: bool = False  # cracks went from load step to load step, and have no speed
     G0_remark: str = ""  # on ratios to G0
     limiting_speed_name: str = RAYLEIGH
+    counts_load_steps: bool = False  # times are the numbers of load steps
+    cycles: tuple[NDArray[np.float64], ...] | None = None  # of fatigue, at the points of each branch
 
 
 def crack(
@@ -65,6 +68,7 @@ def crack(
         too_fast = branch.speed.low > (0.0 if rest else limit)  # surely: there a whole stretch broke at once
         speed = TipSpeeds(*(np.where(too_fast, np.nan, column) for column in branch.speed))
         branches.append(replace(branch, speed=speed))
+    cycles = [cycles_at_times(results, branch.passing_time) for branch in branches]
     along = along or main_growth_direction_name([branch.points for branch in branches])
     return CrackPathSummary(
         step,
@@ -80,6 +84,8 @@ def crack(
         rest,
         own_G0(results),
         limit_name,
+        counts_load_steps(results),
+        tuple(each for each in cycles if each is not None) or None,
     )
 
 
@@ -134,11 +140,13 @@ def path_point_table(summary: CrackPathSummary) -> tuple[tuple[str, ...], list[t
             *branch.direction.T,
             branch.is_narrow,
             spent,
+            *([] if summary.cycles is None else [summary.cycles[number]]),
         )
         rows += [(number, *row) for row in zip(*columns, strict=True)]
     speeds = ("speed, m/s", "speed at least, m/s", "speed at most, m/s")
     ways = ("direction x", "direction y", "line")
-    return ("branch", "time, s", "x, m", "y, m", "along, m", *speeds, *ways, "dD/da, J/m^2"), rows
+    when, cycles = "load step" if summary.counts_load_steps else "time, s", [] if summary.cycles is None else ["cycles"]
+    return ("branch", when, "x, m", "y, m", "along, m", *speeds, *ways, "dD/da, J/m^2", *cycles), rows
 
 
 def summary_sentences(summary: CrackPathSummary) -> list[str]:
@@ -152,7 +160,8 @@ def summary_sentences(summary: CrackPathSummary) -> list[str]:
     # within a load step breaks have no order
     step, far = ("load step", "as far as ") if summary.is_quasi_static else ("step", "")
     lines = [
-        f"{name.replace('_', ' ')}: {step} {event.step}, {time_text(event.time)}"
+        f"{name.replace('_', ' ')}: {step} {event.step}"
+        + ("" if summary.counts_load_steps else f", {time_text(event.time)}")
         + ("" if event.along is None else f", {far}{axis} = {sign * event.along * 1e3:.4g} mm")
         for name, event in events.items()
         if event is not None
@@ -162,11 +171,12 @@ def summary_sentences(summary: CrackPathSummary) -> list[str]:
     if len(summary.branches) > LISTED:
         lines.append(f"and {len(summary.branches) - LISTED} shorter branches")
     for fork in summary.forks[:LISTED]:
-        where = f"{_format_place_in_mm(fork.place)}, {time_text(fork.time)}"
+        where = f"{_format_place_in_mm(fork.place)}, {moment_text(fork.time, summary.counts_load_steps)}"
         lines.append(
             f"fork at {where}: {fork.angle_between_outer_arms:.1f} degrees between {len(fork.arm_angles)} arms"
         )
-    lines += _energy_release_sentences(summary.energy_release, summary.G0_remark)
+    if summary.cycles is None:  # bonds that lost their life dissipate less than G0
+        lines += _energy_release_sentences(summary.energy_release, summary.G0_remark)
     for way in summary.initial_directions:
         band = (
             f" ({way.angle_lower_bound:+.1f} to {way.angle_upper_bound:+.1f})"
@@ -188,7 +198,8 @@ def summary_sentences(summary: CrackPathSummary) -> list[str]:
 
 def _describe_branch(branch: CrackBranch, summary: CrackPathSummary) -> str:
     """Where and when a tip started and ended, and its speed, in words."""
-    ways = [f"{_format_place_in_mm(branch.points[at])} at {time_text(branch.passing_time[at])}" for at in (0, -1)]
+    when = [moment_text(branch.passing_time[at], summary.counts_load_steps) for at in (0, -1)]
+    ways = [f"{_format_place_in_mm(branch.points[at])} at {when[at]}" for at in (0, -1)]
     mean, limit = _mean_speed_below_limit(branch, summary), summary.limiting_speed
     if summary.is_quasi_static:
         fast = ""

@@ -228,6 +228,15 @@ def cycles_after_steps(results: Results) -> Array:
     return np.concatenate([[0.0], checkpoint_state["cycled"].reshape(-1, len(Cycled._fields))[:, CYCLES]])
 
 
+def cycles_at_times(results: Results, times: Array) -> Array | None:
+    """Cycles (t,) until times, s, of a run of fatigue, NaN after its last checkpoint; None of another run."""
+    if not results.has_checkpoint() or "cycled" not in results.checkpoint()[1]:
+        return None
+    cycles = cycles_after_steps(results)
+    step = np.arange(len(cycles)) * float(results.meta()["time_step"])
+    return np.asarray(np.interp(times, step, cycles, right=np.nan))
+
+
 def measure_tip_growths(
     results: Results, steps: Sequence[int], progress: Callable[[list[int]], Iterable[int]] = lambda steps: steps
 ) -> list[TipFatigueGrowth]:

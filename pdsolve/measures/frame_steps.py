@@ -47,6 +47,11 @@ def time_text(seconds: float, form: str = ".4g", micro: str = "us") -> str:
     return f"{seconds * 1e3:{form}} ms" if abs(seconds) >= SLOW else f"{seconds * 1e6:{form}} {micro}"
 
 
+def moment_text(time: float, counts_load_steps: bool, micro: str = "us") -> str:
+    """A time (s) as text, or the number of a load step where times are those of load steps."""
+    return f"load step {time:.4g}" if counts_load_steps else time_text(time, micro=micro)
+
+
 def scalar(results: Results, name: str, step: int) -> NDArray[np.float64]:
     """A field (n,) of the frame at `step`, SI. Raises ResultsError naming the stored fields."""
     return _columns(results, name, step)[0]

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,7 @@ from pdmesh.model.document import Material
 from pdpost.__main__ import main as pdpost
 from pdpost.figures import crack_figure
 from pdsolve.laws.pair_laws import bilinear, cohesive
-from pdsolve.measures.crack_summary import crack
+from pdsolve.measures.crack_summary import crack, path_point_table, summary_sentences
 from pdsolve.measures.cracked_nodes import damage_with_pre_cracks_at, first_cracked_step_of_nodes, separation_at
 from pdsolve.measures.softened_bonds import dissipated_share, separation_history
 from pdsolve.results import Breaks, FrameRecord, Results
@@ -99,3 +101,25 @@ def test_the_damage_of_softened_bonds_names_the_field_that_shows_them(
     opened_plate([0.0, 0.5 * OPENING], MORTAR, path=path).close()
     assert pdpost(["damage", str(path), "-o", str(tmp_path / "damage.png")]) == 0
     assert "pdpost separation" in capsys.readouterr().out
+
+
+def test_a_run_in_load_steps_has_no_seconds() -> None:
+    results = opened_plate([0.0, 0.2 * OPENING, 3 * OPENING], MORTAR)
+    summary = crack(results)
+    header, rows = path_point_table(summary)
+    assert header[1] == "load step"
+    assert rows[0][1] == 2
+    assert not any(re.search(r"\d s\b", line) for line in summary_sentences(summary))
+    axes = crack_figure.crack(results, summary).axes
+    assert axes[0].get_title().endswith("load step 2")
+    assert axes[1].get_xlabel() == "load step"
+    in_motion = dataclasses.replace(summary, counts_load_steps=False)
+    assert path_point_table(in_motion)[0][1] == "time, s"
+
+
+def test_of_fatigue_the_points_of_a_path_have_their_cycles() -> None:
+    summary = crack(opened_plate([0.0, 0.2 * OPENING, 3 * OPENING], MORTAR))
+    cycles = tuple(1e3 * branch.passing_time for branch in summary.branches)
+    header, rows = path_point_table(dataclasses.replace(summary, cycles=cycles))
+    assert header[-1] == "cycles"
+    assert rows[0][-1] == 2e3
