@@ -118,6 +118,7 @@ def _place(name: str, *counts: int) -> Any:
 
 def _history(args: argparse.Namespace) -> int:
     from pdmesh.model.output_fields import FIELDS
+    from pdsolve.measures.embedded_model import counts_load_steps
     from pdsolve.measures.histories import usual_history_nodes
     from pdsolve.measures.json_keys import fields_by_json_key
     from pdsolve.results import Results
@@ -127,6 +128,7 @@ def _history(args: argparse.Namespace) -> int:
         moves = len(results.history()) and (args.places or args.components)
         if len(results.masses()) and not moves:
             return _masses(args, results, path)
+        by_steps = counts_load_steps(results)
         parts = list(dict.fromkeys(args.components or ["magnitude"]))
         usual = () if args.places else usual_history_nodes(results)
         places = args.places or [("--node", (float(node),)) for node in usual]
@@ -134,7 +136,7 @@ def _history(args: argparse.Namespace) -> int:
         if path is not None:
             from pdpost.figures import charts, style
 
-            style.save(charts.histories(curves, args.quantity), path)
+            style.save(charts.histories(curves, args.quantity, by_steps), path)
     unit = FIELDS[args.quantity].unit
     result = {
         "quantity": args.quantity,
@@ -147,7 +149,8 @@ def _history(args: argparse.Namespace) -> int:
         for curve in curves
         for row in zip(curve.time, curve.value, curve.smallest, curve.largest, strict=True)
     ]
-    header = ("curve", "component", "time, s", f"{args.quantity}, {unit}", "smallest", "largest")
+    when = "load step" if by_steps else "time, s"
+    header = ("curve", "component", when, f"{args.quantity}, {unit}", "smallest", "largest")
     return shared.deliver(args, result, [_history_line(curve, unit) for curve in curves], header, rows, path)
 
 

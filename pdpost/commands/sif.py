@@ -110,6 +110,7 @@ def _tips(args: argparse.Namespace, results: Results, steps: list[int], path: Pa
 
     from pdsolve.fracture.domain_integrals import Ring
     from pdsolve.measures import stress_intensities
+    from pdsolve.measures.embedded_model import counts_load_steps
     from pdsolve.measures.plate_geometry import read_plate_geometry
     from pdsolve.measures.release import measure_energy_release
     from pdsolve.measures.tips import crack_branches
@@ -142,7 +143,8 @@ def _tips(args: argparse.Namespace, results: Results, steps: list[int], path: Pa
         "G0": spent.G0,
         "tips": [_tip_for_json(series, release_rates) for series in tip_series],
     }
-    header = ("tip", "step", "time, s", "x, m", "y, m", *_band_names(TIP_UNITS), "dD/da, J/m^2")
+    when = "load step" if counts_load_steps(results) else "time, s"
+    header = ("tip", "step", when, "x, m", "y, m", *_band_names(TIP_UNITS), "dD/da, J/m^2")
     rows = []
     for series in tip_series:
         columns = _band_columns(series, TIP_UNITS)
@@ -193,6 +195,7 @@ def _tip_words(series: TipIntensityHistory) -> str:
 
 def _fronts(args: argparse.Namespace, results: Results, steps: list[int], path: Path | None) -> int:
     """Draw, print and table the fracture parameters along the fronts of a body; returns the exit code."""
+    from pdsolve.measures.embedded_model import counts_load_steps
     from pdsolve.measures.intensities_3d import follow_front_intensities
 
     front_states = follow_front_intensities(results, steps, args.tip, args.ring, counted(args, "summing"))
@@ -230,7 +233,8 @@ def _fronts(args: argparse.Namespace, results: Results, steps: list[int], path: 
             for front in front_states
         ],
     }
-    header = ("front", "step", "time, s", "along, m", "x, m", "y, m", "z, m", *_band_names(FRONT_UNITS))
+    when = "load step" if counts_load_steps(results) else "time, s"
+    header = ("front", "step", when, "along, m", "x, m", "y, m", "z, m", *_band_names(FRONT_UNITS))
     rows = []
     for front in front_states:
         columns = _band_columns(front, FRONT_UNITS)

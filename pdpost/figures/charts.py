@@ -53,7 +53,7 @@ def _limits_of_curves_in_wide_bands(curves: list[NodeHistory]) -> tuple[float, f
     return float(values.min()) - CURVE_MARGIN * span, float(values.max()) + CURVE_MARGIN * span
 
 
-def histories(curves: list[NodeHistory], quantity: str) -> Figure:
+def histories(curves: list[NodeHistory], quantity: str, counts_load_steps: bool = False) -> Figure:
     """Histories over time, of one or several components; the range of several nodes as a band.
 
     The axis shows the curves, and cuts off bands that are far wider.
@@ -64,7 +64,7 @@ def histories(curves: list[NodeHistory], quantity: str) -> Figure:
     letter, unit = FIELDS[quantity].symbol, fields.FIELDS[quantity].unit
     parts = dict.fromkeys(curve.component for curve in curves)
     symbols = {part: f"|{letter}|" if part == "magnitude" else f"{letter}{part}" for part in parts}
-    second, seconds = scaled((curve.time for curve in curves), "s")
+    second, when = scaled_times((curve.time for curve in curves), counts_load_steps)
     limits = _limits_of_curves_in_wide_bands(curves)
     ends = (side for curve in curves for side in (curve.smallest, curve.largest))
     factor, shown = scaled(ends if limits is None else (curve.value for curve in curves), unit)
@@ -80,7 +80,7 @@ def histories(curves: list[NodeHistory], quantity: str) -> Figure:
         if len(symbols) > 1:
             name += f", {symbols[curve.component]}"
         axes.plot(curve.time * second, curve.value * factor, lw=1.2, label=name, **style)
-    axes.set(xlabel=f"time, {seconds}", ylabel=f"{quantity} {' and '.join(symbols.values())}, {shown}")
+    axes.set(xlabel=when, ylabel=f"{quantity} {' and '.join(symbols.values())}, {shown}")
     axes.margins(x=0.01)
     if limits is not None:
         axes.set_ylim(*(limit * factor for limit in limits))

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 
 from pdmesh.plain_figure import Figure
 from pdpost.figures.charts import WIDTH, look, plain
-from pdpost.figures.colours import scaled
+from pdpost.figures.colours import scaled, scaled_times
 from pdpost.figures.crack_figure import on_grey_plate
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import box_of, shape
 from pdsolve.measures.cracked_nodes import damage_without_pre_cracks_at
-from pdsolve.measures.frame_steps import time_text
+from pdsolve.measures.embedded_model import counts_load_steps
+from pdsolve.measures.frame_steps import moment_text, time_text
 from pdsolve.measures.intensities_3d import FrontIntensities
 from pdsolve.measures.release import EnergyRelease
 from pdsolve.measures.stress_intensities import TipIntensityHistory
@@ -53,12 +54,13 @@ def sif(
                 circle = radius * on.factor * np.exp(1j * np.linspace(0, 2 * np.pi, 181))
                 on.axes.plot(place[0] + circle.real, place[1] + circle.imag, color=colour, lw=0.5, zorder=5)
         on.axes.plot(*place, "+", color=colour, ms=7, zorder=6)
-    when = time_text(float(tip_series[0].time[-1]), micro="µs")
+    by_steps = counts_load_steps(results)
+    when = moment_text(float(tip_series[0].time[-1]), by_steps, micro="µs")
     plate.set_title(f"Damage at {when} and the rings of the tips, the last they had", fontsize="medium")
-    _curves_of_tips(intensity, shown, ("K1", "K2"), "Pa√m", "stress intensity")
-    _curves_of_tips(energy, shown, ("J",), "J/m²", "J")
+    _curves_of_tips(intensity, shown, ("K1", "K2"), "Pa√m", "stress intensity", by_steps)
+    _curves_of_tips(energy, shown, ("J",), "J/m²", "J", by_steps)
     if np.isfinite(spent.release_rate).any():  # dD/da and G0 beside J
-        second, _ = scaled((series.time for series in shown), "s")
+        second, _ = scaled_times((series.time for series in shown), by_steps)
         factor, _ = scaled((side["J"] for series in shown for side in (series.low, series.high)), "J/m²")
         energy.plot(spent.time * second, spent.release_rate * factor, color="black", lw=1.0, ls="-.", label="dD/da")
         energy.axhline(spent.G0 * factor, color="0.4", lw=0.8, ls=":", label="G₀")
@@ -68,10 +70,10 @@ def sif(
 
 
 def _curves_of_tips(
-    axes: Axes, shown: list[TipIntensityHistory], names: tuple[str, ...], unit: str, label: str
+    axes: Axes, shown: list[TipIntensityHistory], names: tuple[str, ...], unit: str, label: str, by_steps: bool
 ) -> None:
     """Draw values with their bands over time; points for a single frame."""
-    second, seconds = scaled((series.time for series in shown), "s")
+    second, when = scaled_times((series.time for series in shown), by_steps)
     factor, scale = scaled(
         (side[name] for series in shown for name in names for side in (series.low, series.high)), unit
     )
@@ -89,7 +91,7 @@ def _curves_of_tips(
             marker_step = BETWEEN if len(time) > len(series.time) else 1  # points a frame
             marked: dict[str, Any] = {"marker": "." if few else "", "markevery": marker_step}
             axes.plot(time * second, value, lw=1.3, label=words, **marked, **style)
-    axes.set(xlabel=f"time, {seconds}", ylabel=f"{label}, {scale}")
+    axes.set(xlabel=when, ylabel=f"{label}, {scale}")
     plain(axes)
 
 

@@ -15,10 +15,11 @@ from prescribed_results import plate
 from pdmesh.model.cohesive_softening import critical_opening
 from pdmesh.model.document import Material
 from pdpost.__main__ import main as pdpost
-from pdpost.figures import crack_figure
+from pdpost.figures import charts, crack_figure
 from pdsolve.laws.pair_laws import bilinear, cohesive
 from pdsolve.measures.crack_summary import crack, path_point_table, summary_sentences
 from pdsolve.measures.cracked_nodes import damage_with_pre_cracks_at, first_cracked_step_of_nodes, separation_at
+from pdsolve.measures.histories import node_history
 from pdsolve.measures.softened_bonds import dissipated_share, separation_history
 from pdsolve.results import Breaks, FrameRecord, Results
 
@@ -123,3 +124,14 @@ def test_of_fatigue_the_points_of_a_path_have_their_cycles() -> None:
     header, rows = path_point_table(dataclasses.replace(summary, cycles=cycles))
     assert header[-1] == "cycles"
     assert rows[0][-1] == 2e3
+
+
+def test_the_tables_and_axes_of_a_path_count_load_steps(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "mortar.sqlite"
+    opened_plate([0.0, 0.5 * OPENING], MORTAR, path=path).close()
+    assert pdpost(["history", str(path), "--node", "3", "--csv", "-"]) == 0
+    assert capsys.readouterr().out.splitlines()[0].split(",")[2] == "load step"
+    with Results.open(path) as results:
+        curve = node_history(results, 3, "displacement", "magnitude")
+    for counts, label in ((True, "load step"), (False, "time, s")):
+        assert charts.histories([curve], "displacement", counts).axes[0].get_xlabel() == label
