@@ -307,7 +307,6 @@ def test_a_locked_file(
         (["reaction", "--condition", "left"], naming(found="condition 'left'", expected=("0", "(condition 0)", "1"))),
         (["crack", "--step", "61"], naming("--step", found="61", expected=("0", "60"))),
         (["crack", "--compare", "none.sqlite"], naming("none.sqlite", found="no such file")),
-        (["crack", "--cracked", "2"], naming("--cracked", "2", expected="0")),
         (["balance", "--style", "nothing=2"], naming("nothing", "--style", found=("matplotlib", "setting"))),
         (["balance", "-o", "x.foo"], naming("x.foo", found="suffix '.foo'")),
     ],
@@ -320,6 +319,14 @@ def test_what_is_not_there_is_named(
     assert out == ""
     assert err.count("\n") == 1
     assert re.search(message, err)
+
+
+@pytest.mark.parametrize("command", ["crack", "fatigue"])
+def test_a_damage_is_a_share(small_results: Path, capsys: pytest.CaptureFixture[str], command: str) -> None:
+    with pytest.raises(SystemExit) as stop:
+        main([command, str(small_results), "--cracked", "2"])
+    assert stop.value.code == 2
+    assert re.search(naming("--cracked", "2", expected="0"), capsys.readouterr().err)
 
 
 @pytest.mark.quick_cases(3)
