@@ -26,6 +26,7 @@ from pdmesh.model.document import (
 from pdmesh.model.lattice_calibration import along_axes, calibration, has_partial_cells, lattice_ratios
 from pdmesh.model.material_constants import critical_stretch
 from pdmesh.model.node_grid import Grid
+from pdmesh.model.orthotropic import ORTHOTROPIC
 from pdmesh.model.suggestions import called
 
 SAME = 1e-6  # relative: spacings this close are one
@@ -40,7 +41,10 @@ class ZoneStrength(NamedTuple):
     finest: float  # m, that of the finest zone of its body
     share: float  # of the strength of that zone; infinite where bonds do not break
     critical_stretch: float | None  # of brittle bonds
-    strength: float | None  # Pa, the stress at which the first bonds break or, of softening ones, at the peak
+    strength: float | None  # Pa, the stress at which the first bonds break or, of softening ones, at the peak; of plies
+    # along the fibres
+    strength_across: float | None = None  # Pa, of plies across the fibres
+    shear_strength: float | None = None  # Pa, of plies in shear along the fibres
 
 
 def zone_strengths(grid: Grid, settings: Settings, mode: str) -> list[ZoneStrength]:
@@ -64,7 +68,8 @@ def zone_strengths(grid: Grid, settings: Settings, mode: str) -> list[ZoneStreng
         spacings = np.unique(np.round(grid.delta[where] if any(grid.delta.strides) else grid.delta[:1], 15))
         for spacing in spacings if len(spacings) <= MOST else spacings[[0, -1]]:
             strength = _strength(material, settings.horizon.ratio, float(spacing), float(finest), mode == "thesis")
-            zones.append(ZoneStrength(body, float(spacing), float(finest), *strength))
+            of_ply = (material.strength_across, material.shear_strength) if material.solid == ORTHOTROPIC else ()
+            zones.append(ZoneStrength(body, float(spacing), float(finest), *strength, *of_ply))
     return zones
 
 
@@ -103,18 +108,25 @@ def lines(zones: list[dict[str, Any]]) -> list[str]:
     """The strengths of a model's zones in one line; none without zones."""
     words = []
     for zone in zones:
-        body, spacing, _, share, critical, strength = zone.values()
+        body, spacing, _, share, critical, strength, across, shear = zone.values()
         if share is None:
             words.append(f"no breaking bonds at {spacing:g} m{of_body(body)}")
             continue
         said = [
-            f"{strength:.4g} Pa" if strength is not None else "",
+            _with_directions(strength, across, shear) if strength is not None else "",
             f"critical stretch {critical:.4g}" if critical is not None else "",
             f"{share:.3g} of the finest zone's" if share != 1 or strength is None else "",
         ]
         more = ", ".join(filter(None, said[1:]))
         words.append(f"{said[0]} at {spacing:g} m{of_body(body)}".strip() + (f" ({more})" if more else ""))
     return ["strength: " + "; ".join(words)] if zones else []
+
+
+def _with_directions(strength: float, across: float | None, shear: float | None) -> str:
+    """A strength, Pa; of a ply that along the fibres, across them and in shear."""
+    if across is None or shear is None:
+        return f"{strength:.4g} Pa"
+    return f"{strength:.4g} Pa along the fibres, {across:.4g} Pa across them, {shear:.4g} Pa in shear"
 
 
 def described(zones: list[ZoneStrength]) -> list[dict[str, Any]]:

@@ -17,7 +17,7 @@ from pdmesh.__main__ import main as pdmesh
 from pdmesh.model.document import Displacement, Load, Material, Region, Run, Velocity
 from pdmesh.model.lattice_calibration import along_axes
 from pdmesh.model.node_grid import Bodies, Grid
-from pdmesh.model.zone_strengths import remarks, zone_strengths
+from pdmesh.model.zone_strengths import described, lines, remarks, zone_strengths
 from pdsolve.model import Model, ModelError
 from pdsolve.options import Options
 from pdsolve.run.prepare import prepare
@@ -289,3 +289,16 @@ def test_a_plan_of_a_critical_stretch_has_it(tmp_path: Path, capsys: pytest.Capt
     fine, coarse = json.loads(capsys.readouterr().out)["strengths"]
     assert fine["critical_stretch"] == pytest.approx(0.003)
     assert coarse["critical_stretch"] == pytest.approx(0.003 / 2**0.5)
+
+
+def test_a_ply_has_a_strength_for_each_direction() -> None:
+    """Pulled across its fibres it breaks at a fortieth of the stress along them."""
+    ply = Material(
+        E=171e9, rho=1580.0, G0=1e3, nu=0.32, model="correspondence", solid="orthotropic", failure="stress",
+        E2=9.08e9, G12=5.29e9, angle=90.0, strength=2.326e9, strength_across=62.3e6, shear_strength=92.3e6,
+    )  # fmt: skip
+    grid = square_grid(8, 8)
+    (zone,) = described(zone_strengths(grid, plate(grid, 3.0, material=ply).settings, "conservative"))
+    assert (zone["strength"], zone["strength_across"], zone["shear_strength"]) == (2.326e9, 62.3e6, 92.3e6)
+    (line,) = lines([zone])
+    assert all(number in line for number in ("2.326e+09 Pa", "6.23e+07 Pa", "9.23e+07 Pa"))
