@@ -199,3 +199,11 @@ def wrong_spring(spring: Spring, dimension: int) -> str | None:
     if getattr(spring, extent) is not None:
         return f".{extent} cannot be used in {'a plate' if dimension == 2 else 'a body in space'}; leave it out"
     return None
+
+
+def breakable_setting(condition: Condition) -> str:
+    """How bonds of a condition are let break: in Python and settings, and by the parameter of a drawing."""
+    moves = any(getattr(condition, axis, None) not in (None, 0.0) for axis in ("x", "y", "z"))
+    still = isinstance(condition, Displacement) and not moves
+    folder = "Loads" if isinstance(condition, Load) else "Fixes" if still else "Moves"
+    return f"breakable=True, in a drawing {folder}/{condition.name or 'NAME'}/Breakable=1"

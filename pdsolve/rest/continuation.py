@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pdmesh.model.document import Condition
+from pdmesh.model.mechanical_conditions import breakable_setting
 from pdmesh.model.neighbours import tree_of
 from pdmesh.model.suggestions import called
 from pdsolve.checkpoint_validation import entry
@@ -487,7 +488,7 @@ def describe_crack_at_no_fail_bonds(
         if not condition.breakable and np.isin(ends, model.selected(condition)).any():
             return (
                 f"$.conditions[{number}]: bonds of '{called(condition.name, number)}', which do not break, are"
-                f" stretched to {peaks[worst]:.2f} times the peak of others at the end of a crack; use breakable ="
-                " true"
+                f" stretched to {peaks[worst]:.2f} times the peak of others at the end of a crack; use"
+                f" {breakable_setting(condition)}"
             )
     return None

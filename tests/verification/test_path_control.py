@@ -137,7 +137,8 @@ def test_a_crack_that_arrives_at_what_does_not_break_is_told() -> None:
         simulate(held, None, Options(threads=1)).close()
     lines = [str(one.message) for one in told if "conditions[" in str(one.message)]
     assert len(lines) == 1
-    assert re.search(naming("$.conditions[2]", found="'middle'", expected="breakable"), lines[0])
+    expected = ("breakable=True", "Moves/middle/Breakable=1")
+    assert re.search(naming("$.conditions[2]", found="'middle'", expected=expected), lines[0])
     with warnings.catch_warnings():
         warnings.simplefilter("error", ModelWarning)
         simulate(model, None, Options(threads=1)).close()
