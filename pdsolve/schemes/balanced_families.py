@@ -29,9 +29,10 @@ from pdsolve.bonds.assembly import Paired
 
 MOST_SPACINGS = 8  # of lattices; nodes of other meshes have each their own
 STEPS = 8  # of the factors: each takes a quarter to a half of what was left of r
+PRECISE = 1e-3  # of the right side: that a step of the factors leaves
 LEAST = 0.05  # of the factors: bonds stay springs
 COMPLETE = 0.95  # least share of the horizon's circle or sphere that cells of a complete family cover
-CHUNK = 20_000  # nodes whose pairs are listed at a time
+CHUNK = 2_000_000  # pairs of nodes that are listed at a time
 
 
 class BorderFactors(NamedTuple):
@@ -56,26 +57,37 @@ def border_factors(
     grid: Grid,
     horizon: NDArray[np.float64],
     pairs: Callable[[NDArray[np.int64]], Paired],
+    is_cut: Callable[[NDArray[np.int64]], NDArray[np.int64]],
     size: NDArray[np.float64],
 ) -> BorderFactors:
-    """Factors of the pairs that `pairs` gives for rows; nodes have `horizon` (n,), m, and `size` (n,), m^d."""
+    """Factors of the pairs that `pairs` gives for rows; nodes have `horizon` (n,), m, and `size` (n,), m^d.
+
+    `is_cut` gives those of some rows that an edge or a slit keeps from a node within their horizon.
+    """
     spacings, level = np.unique(np.round(grid.delta / grid.delta.min(), 6), return_inverse=True)
     if not 1 < len(spacings) <= MOST_SPACINGS:
         return NO_FACTORS
     position, reach, nodes = grid.position, float(horizon.max()), len(grid)
+    body = np.zeros(nodes) if grid.bodies is None else grid.bodies.number
+    place = np.column_stack([position, 10 * reach * body])  # no bond goes to another body, which is far away so
     away = np.full(nodes, np.inf)
     for number in range(len(spacings)):
         others = np.flatnonzero(level != number)
-        distance, _ = cKDTree(position[level == number]).query(position[others], distance_upper_bound=3.5 * reach)
+        distance, _ = cKDTree(place[level == number]).query(place[others], distance_upper_bound=3.5 * reach)
         away[others] = np.minimum(away[others], distance)
-    rows = np.flatnonzero(away <= 3 * reach)
+    near = away <= reach + 2 * horizon
+    rows = np.flatnonzero(near)
+    if not len(rows):
+        return NO_FACTORS
     paired = pairs(rows)
     source, target = paired.pairs.source, paired.pairs.target
     xi, weight = position[target] - position[source], paired.weight
     incomplete = np.ones(nodes, dtype=bool)
-    incomplete[rows] = _covered(position, grid.delta, horizon, size, rows) < COMPLETE
-    incomplete[source[~paired.intact]] = True
-    balanced = (away <= 2 * reach) & ~incomplete
+    incomplete[rows] = _covered(place, grid, horizon, size, rows) < COMPLETE
+    incomplete[source[~paired.intact]] = incomplete[is_cut(rows)] = True
+    # a node's sum changes if its family or one that it belongs to has bonds to another spacing
+    balanced = (away <= reach / 2 + 1.5 * horizon) & ~incomplete
+    balanced[source[~near[target]]] = False  # the family of that neighbour is not known here
     free = (balanced[source] & (balanced | incomplete)[target]) | (balanced[target] & incomplete[source])
     low, high = np.minimum(source, target), np.maximum(source, target)
     key, pair = np.unique((low * nodes + high)[free], return_inverse=True)
@@ -98,7 +110,8 @@ def border_factors(
         ]
         value, at, of = (np.concatenate(part) for part in zip(*entries, strict=True))
         shape = int(balanced.sum()) * len(way.T), len(key)
-        factor += lsqr(coo_matrix((value, (at, of)), shape).tocsr(), -r[balanced].ravel(), atol=1e-8, btol=1e-8)[0]
+        matrix = coo_matrix((value, (at, of)), shape).tocsr()
+        factor += lsqr(matrix, -r[balanced].ravel(), atol=PRECISE, btol=PRECISE)[0]
         np.maximum(factor, LEAST, out=factor)
     return BorderFactors(key, factor)
 
@@ -124,18 +137,21 @@ def _ways(
 
 
 def _covered(
-    position: NDArray[np.float64],
-    delta: NDArray[np.float64],
+    place: NDArray[np.float64],
+    grid: Grid,
     horizon: NDArray[np.float64],
     size: NDArray[np.float64],
     rows: NDArray[np.int64],
 ) -> NDArray[np.float64]:
-    """Share (k,) of the horizons of nodes that cells cover."""
-    d, tree, covered = position.shape[1], cKDTree(position), np.zeros(len(rows))
-    for chunk in np.array_split(np.arange(len(rows)), len(rows) // CHUNK + 1):
-        radius = float(horizon[rows[chunk]].max() + delta.max() / 2)
-        near = cKDTree(position[rows[chunk]]).sparse_distance_matrix(tree, radius, output_type="ndarray")
-        node, cell = rows[chunk][near["i"]], near["j"]
-        share = hu_beta(near["v"], horizon[node], delta[cell])
-        covered[chunk] = np.bincount(near["i"], share * size[cell], minlength=len(chunk))
-    return np.asarray(covered / ({2: np.pi, 3: 4 * np.pi / 3}[d] * horizon[rows] ** d))
+    """Share (k,) of the horizons of nodes that cells of their body cover."""
+    d, tree, covered = grid.dimension, cKDTree(place), np.zeros(len(rows))
+    ball = {2: np.pi, 3: 4 * np.pi / 3}[d]
+    for alike in np.unique(horizon[rows]):
+        chosen = np.flatnonzero(horizon[rows] == alike)
+        radius = float(alike + grid.delta.max() / 2)
+        cells = ball * (radius / grid.delta.min()) ** d
+        for chunk in np.array_split(chosen, int(len(chosen) * cells / CHUNK) + 1):
+            near = cKDTree(place[rows[chunk]]).sparse_distance_matrix(tree, radius, output_type="ndarray")
+            share = hu_beta(near["v"], np.full(len(near), alike), grid.delta[near["j"]])
+            covered[chunk] = np.bincount(near["i"], share * size[near["j"]], minlength=len(chunk))
+    return np.asarray(covered / (ball * horizon[rows] ** d))

@@ -161,9 +161,14 @@ def filled(model: Model, limits: Limit) -> BondSource:
         nothing, even = np.zeros(len(limit)), (largest / reach) ** (d + 2) if evenly else 1.0
         return Paired(pairs, weight > ROUND_OFF, nothing, limit, limit, weight * even * area[pairs.target])
 
+    def is_cut(rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        pairs = neighbours.pairs(rows)
+        pairs = chosen(pairs, counts(pairs) > ROUND_OFF)
+        return pairs.source[~sight.inside(pairs)]
+
     @cache
     def factors() -> BorderFactors:
-        return border_factors(grid, horizon, paired_before_balance, area) if evenly else NO_FACTORS
+        return border_factors(grid, horizon, paired_before_balance, is_cut, area) if evenly else NO_FACTORS
 
     def paired_of(rows: NDArray[np.int64]) -> Paired:
         paired = paired_before_balance(rows)

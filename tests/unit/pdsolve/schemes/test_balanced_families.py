@@ -55,4 +55,19 @@ def test_one_spacing_has_no_factors() -> None:
     built = build(Scene(box(0, 0, 0.01, 0.01), 1e-3, STEEL, run=Run(duration=1e-6)))
     model = Model(built.grid, built.settings)
     source = families.fill(model)
-    assert border_factors(built.grid, model.horizons, source.pairs, source.area) is NO_FACTORS
+    assert border_factors(built.grid, model.horizons, source.pairs, lambda rows: rows[:0], source.area) is NO_FACTORS
+
+
+def test_bodies_of_different_spacings_have_no_factors() -> None:
+    """A hammer near a plate: no bond goes from one to the other, so that their free faces stay as they are."""
+    scene = Scene(box(0, 0, 0.01, 0.01), 1e-3, STEEL, run=Run(duration=1e-6))
+    weights = []
+    for spacing, gap in ((1e-3, 1e-4), (5e-4, 1e-4), (5e-4, 0.05)):
+        hammer = box(0.01 + gap, 0, 0.016 + gap, 0.01)
+        built = build(scene.rigid(hammer, "hammer", mass=1.0, velocity=(-5.0, 0.0), spacing=spacing))
+        model = Model(built.grid, built.settings)
+        bonds = families.fill(model).whole().bonds
+        of_plate = built.grid.position[bonds.source, 0] < 0.01
+        weights.append(bonds.weight[of_plate] / bonds.weight.max())
+    assert weights[0] == pytest.approx(weights[1])
+    assert weights[1].tolist() == weights[2].tolist()
