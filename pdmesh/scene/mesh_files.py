@@ -52,6 +52,9 @@ def table_of_mesh(words: str, folder: Path, dimension: int) -> Table:
         raise PlaceError(f"{name}: points differ from time to time; use a mesh that stays")
     if len(places) * len(moments) > MOST_ROWS:
         raise PlaceError(f"{name} has {len(places)} points at {len(moments)} times; use at most {MOST_ROWS} values")
+    _, first, where = np.unique(places[:, :dimension], axis=0, return_index=True, return_inverse=True)
+    if any((moment.values != moment.values[first][where.ravel()]).any() for moment in moments):
+        raise PlaceError(f"{name} has several values of {wanted} at one place; use a mesh with one value at each")
     times = [moment.time for moment in moments if moment.time is not None]
     rows = [moment.values for moment in moments]
     if times and times[0] > 0:
@@ -140,6 +143,8 @@ def _of_frd(path: Path, wanted: str) -> list[Placed]:
             if wanted in names:
                 column = names.index(wanted)
                 placed = np.array([(*nodes[number], row[column]) for number, row in values.items() if number in nodes])
+                if not len(placed):
+                    raise PlaceError(f"{path.name}: no node of the file has a value of {wanted}; write it with nodes")
                 moments.append(Placed(_number(line[12:24], path.name), placed[:, :3], placed[:, 3]))
         else:
             at += 1

@@ -255,7 +255,8 @@ class _Problem:
         here = self._values(scaled)
         shifted = []
         for column, variable in enumerate(self.variables):
-            way = self._fit.step if scaled[column] + self._fit.step <= self.upper[column] else -self._fit.step
+            above, below = self.upper[column] - scaled[column], scaled[column] - self.lower[column]
+            way = min(self._fit.step, above) if above >= min(self._fit.step, below) else -min(self._fit.step, below)
             values = list(here)
             values[column] = variable.value(scaled[column] + way)
             shifted.append(tuple(values))

@@ -116,3 +116,20 @@ def test_points_that_move_from_time_to_time_are_refused(here: Path) -> None:
     Path("a.frd").write_text(text[: nodes[1]] + text[nodes[1] :].replace(" -1         4 0", " -1         9 0", 1))
     with pytest.raises(PlaceError, match="points differ from time to time"):
         table_of_mesh("a.frd:D1", here, 2)
+
+
+def test_calculix_results_at_no_node_are_refused(here: Path) -> None:
+    Path("job.frd").write_text("\n".join(line for line in frd().splitlines() if not line.startswith("    2C")))
+    with pytest.raises(PlaceError, match=r"job\.frd.*D1"):
+        table_of_mesh("job.frd:D1", here, 2)
+
+
+def test_layers_of_a_body_are_no_values_of_a_plate(here: Path) -> None:
+    """Points that coincide in the plane, with one value each and with two."""
+    layers = np.vstack([POINTS, np.add(POINTS, [0, 0, 1e-3])])
+    cells = [("hexahedron", [list(range(8))])]
+    meshio.Mesh(layers, cells, {"alike": layers[:, 0], "apart": layers[:, 2]}).write("body.vtu")
+    table = table_of_mesh("body.vtu:alike", here, 2)
+    assert values_at(table, POINTS[:, :2]) == pytest.approx(POINTS[:, 0])
+    with pytest.raises(PlaceError, match=r"body\.vtu.*apart"):
+        table_of_mesh("body.vtu:apart", here, 2)

@@ -159,6 +159,13 @@ def test_a_parameter_at_a_bound_is_named(solve: Callable[..., tuple[Fit, Runs]])
     assert mentions(result.remarks, "material.E", "bound")
 
 
+def test_bounds_closer_than_a_step_of_the_derivative(solve: Callable[..., tuple[Fit, Runs]]) -> None:
+    text = "[fit.model]\nmaterial.E = {first = 1, bounds = [1, 1.01]}\n"
+    result, _ = solve(text, lambda model: model["material.E"] * WAY, 1.005 * WAY)
+    assert result.parameters[0].is_determined
+    assert result.parameters[0].value == pytest.approx(1.005, rel=5e-4)  # measured 1.00466
+
+
 def test_a_run_that_fails_on_the_way_is_stepped_back_from(solve: Callable[..., tuple[Fit, Runs]]) -> None:
     fails = lambda model: model["material.E"] > 1.7  # noqa: E731
     told: list[Any] = []
