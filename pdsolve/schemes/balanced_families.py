@@ -70,11 +70,7 @@ def border_factors(
     position, reach, nodes = grid.position, float(horizon.max()), len(grid)
     body = np.zeros(nodes) if grid.bodies is None else grid.bodies.number
     place = np.column_stack([position, 10 * reach * body])  # no bond goes to another body, which is far away so
-    away = np.full(nodes, np.inf)
-    for number in range(len(spacings)):
-        others = np.flatnonzero(level != number)
-        distance, _ = cKDTree(place[level == number]).query(place[others], distance_upper_bound=3.5 * reach)
-        away[others] = np.minimum(away[others], distance)
+    away = _distance_to_other_spacings(place, level, 3.5 * reach)
     near = away <= reach + 2 * horizon
     rows = np.flatnonzero(near)
     if not len(rows):
@@ -114,6 +110,18 @@ def border_factors(
         factor += lsqr(matrix, -r[balanced].ravel(), atol=PRECISE, btol=PRECISE)[0]
         np.maximum(factor, LEAST, out=factor)
     return BorderFactors(key, factor)
+
+
+def _distance_to_other_spacings(
+    place: NDArray[np.float64], level: NDArray[np.int64], farthest: float
+) -> NDArray[np.float64]:
+    """Distance (n,), m, of each node to the nearest one of another level; infinite if it is `farthest` or more."""
+    away = np.full(len(place), np.inf)
+    for number in range(int(level.max()) + 1):
+        others = np.flatnonzero(level != number)
+        distance, _ = cKDTree(place[level == number]).query(place[others], distance_upper_bound=farthest)
+        away[others] = np.minimum(away[others], distance)
+    return away
 
 
 def _ways(
