@@ -64,6 +64,7 @@ COMMANDS: dict[str, list[str]] = {  # the words behind a command
     "plastic": ["-o", "out.png"],
     "rotation": ["-o", "out.png"],
     "volume": ["-o", "out.png"],
+    "boundary": ["--box", "0,0,9,9mm", "--depth", "3mm", "-o", "out.csv"],
     "tradeoff": ["--reference", "whole.sqlite", "-o", "out.png"],
     "compare": ["whole.sqlite", "-o", "out.png"],
     "watch": ["-o", "out.png", "--patience", "0.1"],

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 MOST_FILES = 10_000  # of a series
 
 
-class Placed(NamedTuple):
+class MeshValues(NamedTuple):
     """Values of one time at places."""
 
     time: float | None  # s
@@ -44,9 +44,9 @@ def table_of_mesh(words: str, folder: Path, dimension: int) -> Table:
     if name.lower().endswith(".frd"):
         moments = _of_frd(path, wanted)
     elif name.lower().endswith(".pvd"):
-        moments = [Placed(time, *_of_vtu(part, wanted)) for time, part in _series(path)]
+        moments = [MeshValues(time, *_of_vtu(part, wanted)) for time, part in _series(path)]
     else:
-        moments = [Placed(None, *_of_vtu(path, wanted))]
+        moments = [MeshValues(None, *_of_vtu(path, wanted))]
     places = moments[0].places
     if any(moment.places.shape != places.shape or (moment.places != places).any() for moment in moments):
         raise PlaceError(f"{name}: points differ from time to time; use a mesh that stays")
@@ -124,14 +124,14 @@ def _series(path: Path) -> list[tuple[float, Path]]:
     return series
 
 
-def _of_frd(path: Path, wanted: str) -> list[Placed]:
+def _of_frd(path: Path, wanted: str) -> list[MeshValues]:
     """Values of a component, such as D1, at the nodes of a CalculiX file, at each of its times. Raises PlaceError."""
     try:
         lines = read_bytes(path, MOST_BYTES).decode("ascii", "replace").splitlines()
     except OSError as error:
         raise PlaceError(f"{path.name}: cannot be read: {error.strerror or error}") from None
     nodes: dict[int, list[float]] = {}
-    components, moments, at = dict[str, None](), list[Placed](), 0
+    components, moments, at = dict[str, None](), list[MeshValues](), 0
     while at < len(lines):
         line = lines[at]
         if line[:6] == "    2C":
@@ -145,7 +145,7 @@ def _of_frd(path: Path, wanted: str) -> list[Placed]:
                 placed = np.array([(*nodes[number], row[column]) for number, row in values.items() if number in nodes])
                 if not len(placed):
                     raise PlaceError(f"{path.name}: no node of the file has a value of {wanted}; write it with nodes")
-                moments.append(Placed(_number(line[12:24], path.name), placed[:, :3], placed[:, 3]))
+                moments.append(MeshValues(_number(line[12:24], path.name), placed[:, :3], placed[:, 3]))
         else:
             at += 1
     if not moments:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
-from matplotlib.figure import SubFigure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from mpl_toolkits.mplot3d import Axes3D
@@ -50,7 +52,8 @@ def crack_surface(results: Results, summary: CrackSurfaceSummary) -> Figure:
     if opened:
         # on the left: labels of the axis z stand beyond the panel's right edge
         body.colorbar(colours.painted, ax=axes, label=colours.label, shrink=0.6, location="left", extend="max")
-        _charts(figure.add_subfigure(parts[1]), summary)
+        panels = figure.add_subfigure(parts[1]).subplots(1, 1 + (summary.cycles is None), squeeze=False)[0]
+        _charts(panels, summary)
     keys: list[Artist] = []
     if not summary.surface.face_opened_during_run.all():
         keys.append(Patch(color=OLD, label="pre-crack"))
@@ -61,14 +64,13 @@ def crack_surface(results: Results, summary: CrackSurfaceSummary) -> Figure:
     return figure
 
 
-def _charts(figure: SubFigure, summary: CrackSurfaceSummary) -> None:
+def _charts(panels: Iterable[Axes], summary: CrackSurfaceSummary) -> None:
     """Draw area and energy per area over time; of fatigue the area alone, over cycles, as bonds have no G0 there."""
     factor, label = scaled_times([summary.frame_time], summary.counts_load_steps)
     times = summary.frame_time * factor
     if summary.cycles is not None:
         times, label = summary.cycles, "cycles"
-    count = 1 if summary.cycles is not None else 2
-    area, *others = figure.subplots(1, count, squeeze=False, gridspec_kw={"wspace": 0.05})[0]
+    area, *others = panels
     plain(area)
     area.plot(times, summary.grown_area * 1e6, lw=1.3, **look(0))
     area.set(xlabel=label, ylabel="area that opened, mm²")

@@ -78,7 +78,7 @@ def test_how_a_body_looks(screw: Path, tmp_path: Path) -> None:
     ("words", "said"),
     [
         (["slice", "--plane", "z=1"], naming(found="z = 1 m", expected=("-0.008", "0.008 m"))),
-        (["slice", "--field", "stress"], naming(found=("model", "diffusion"), expected=("mechanics", "stress"))),
+        (["slice", "--field", "stress"], naming(found=("model", "diffusion"), expected=("mechanics", "concentration"))),
         (["slice", "--component", "x"], naming("content", found="component 'x'", expected=("none", "scalar"))),
         (["damage"], naming(found=("model", "diffusion"), expected=("mechanics", "concentration"))),
         (["history", "--node", "7"], naming(expected=("masses", "whole"))),

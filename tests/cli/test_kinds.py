@@ -84,8 +84,8 @@ def test_what_a_file_is_goes_by_what_is_in_it_where_that_says(
     [
         ("pdpost damge x.sqlite", "damge", "'damage'"),
         ("pdmesh biuld x.geo", "biuld", "'build'"),
-        ("pdsolve stdy x.toml", "stdy", "the word study"),
-        ("pdsolve Study", "Study", "the word study"),
+        ("pdsolve stdy x.toml", "stdy", "words study and fit"),
+        ("pdsolve Study", "Study", "words study and fit"),
         ("pdsolve x.json --adapt hybird", "hybird", "'hybrid'"),
         ("pdsolve x.json --treads 2", "--treads", "--threads"),
         ("pdsolve study x.toml --wrokers=2", "--wrokers=2", "--workers"),

@@ -207,7 +207,7 @@ REFUSED = {
     "unit of a script": (["build", SCRIPT, "--trust", "--unit", "mm"], "--unit is not for a Python scene"),
     "another unit": (["build", DURAN, "--set", "material.E=5mm"], "'5mm'; use a number, in Pa, or with one of the"),
     "no unit": (["build", DURAN, "--set", "Horizon ratio=5mm"], "'5mm'; use a number\n"),
-    "setting of the solver": (["build", DURAN, "--set", "run.ledger=5"], "'run.ledger' is a setting of the solver"),
+    "misspelt setting": (["build", DURAN, "--set", "run.ledgr=5"], "run.ledger"),
     "by meaning": (["build", DURAN, "--set", "young=5"], "did you mean 'Peridynamics/Material/E'?"),
     "name of nothing": (["build", DURAN, "--set", "bogus=5"], "; pdmesh params lists"),
     "constant of nothing": (["params", SCRIPT, "--trust", "--set", "material.nu=0"], "is not in the drawing"),
@@ -231,7 +231,7 @@ REFUSED = {
     "refine by a third": (["build", DURAN, "--refine", "crack:1e-3:3e-4"], "over a power of 2"),
     "output in no folder": (["build", DURAN, "-o", "nowhere/plate.json"], "no folder"),
     "picture of no kind": (["preview", SCRIPT, "--trust", "-o", "plate.doc"], "suffix '.doc'"),
-    "parameters of a mesh": (["params", "part.vtu"], "suffix '.vtu'"),
+    "parameters of a mesh": (["params", "part.vtu"], "part.vtu: cannot be read: there is no such file"),
     "plan of a mesh": (["plan", "part.vtu"], "part.vtu: cannot be read: there is no such file"),
     "plan of nothing": (["plan", "missing.geo"], "missing.geo: cannot be read"),
 }  # fmt: skip

@@ -71,6 +71,8 @@ WORDS = {  # a call of each command; those that find nothing to show in these re
     "pdmesh doctor": "",
     "pdsolve": "plate.json -o run.sqlite",
     "pdsolve study": "study.toml --workers 1",
+    "pdsolve fit": "study.toml --measured curve.csv",
+    "pdpost boundary": "small.sqlite --box 0,0,10,10mm --depth 2mm",
     "pdpost animate": "small.sqlite -o film.gif",
     "pdpost line": "small.sqlite --from 0,0 --to 0.01,0",
     "pdpost compare": "small.sqlite small.sqlite -o both.png",
@@ -81,6 +83,7 @@ WORDS = {  # a call of each command; those that find nothing to show in these re
     **{f"pdpost {name}": "small.sqlite" for name in ALIKE.split()},
 }
 REFUSED = {
+    "fit",
     "init",
     "plastic",
     "rotation",

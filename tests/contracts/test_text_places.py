@@ -18,7 +18,7 @@ ROOMS = [
 GATES = {  # modules that only these files may import
     "matplotlib.figure": ("pdmesh/plain_figure.py",),
     "matplotlib.pyplot": (),
-    "csv": (),
+    "csv": ("pdsolve/measures/measured_curve.py",),  # which reads
     "html": ("pdmesh/plain_text.py",),
 }
 STREAMS = ("sys.stdout", "sys.stderr", "sys.__stdout__", "sys.__stderr__")

@@ -185,7 +185,7 @@ def test_a_run_says_that_its_bonds_took_too_little(changed: bool, symmetric: boo
     accounts, scheme = object.__new__(EnergyAccounts), SimpleNamespace(symmetric=symmetric, name="conservative")
     system = SimpleNamespace(model=plate(square_grid(9, 8)), scheme=scheme, initial_energy=0.0)
     nothing = dict.fromkeys(("damped", "friction", "refinement"), 0.0)
-    last = SimpleNamespace(dissipated=1.0, balance_error=lambda *_: 0.3, energy_scale=lambda *_: 1.0, **nothing)
+    last = SimpleNamespace(dissipated=1.0, work=1.0, balance_error=lambda *_: 0.3, **nothing)
     accounts.__dict__.update(_system=system, last=last, _largest_work=0.0, _heat_energy=0.0, _nodes_changed=changed)
     with saying() as lines:
         accounts.warn_at_end()
