@@ -86,18 +86,7 @@ def refuse_numbers(model: Model, partial_cells: bool) -> None:
 
     `partial_cells` tells whether the family extends half a spacing beyond the horizon.
     """
-    # nodes whose own constants give bonds that hold more than G0 when they begin to soften
-    every = np.arange(len(model.grid))
-    for places, material in model.materials_at(every) if model.grid.fields else ():
-        if material.law == "cohesive":
-            rows, ratio = every[places], model.settings.horizon.ratio
-            room = largest_horizon(material, ratio) - model.horizons[rows]
-            if room.min() <= 0:
-                worst = int(rows[room.argmin()])
-                raise ModelError(
-                    f"{model.name}: $.fields: E, G0 and f_t of {named(model, worst)} need a horizon"
-                    f" {-room.min():.4g} m less than {model.horizons[worst]:g} m; use a finer spacing, or a smaller f_t"
-                )
+    _refuse_cohesive_fields(model)
     _refuse_cohesive_interfaces(model)
     for number, material in enumerate(model.materials):
         place = model.place_of(number)
@@ -114,6 +103,21 @@ def refuse_numbers(model: Model, partial_cells: bool) -> None:
                 f"{model.name}: $.horizon.ratio is {ratio:g}, where bonds of a {material.micromodulus} micromodulus"
                 " have no stiffness; use more than 1 (3 is usual)"
             )
+
+
+def _refuse_cohesive_fields(model: Model) -> None:
+    """Raise ModelError for a node whose own constants give bonds that hold more than G0 when they begin to soften."""
+    every = np.arange(len(model.grid))
+    for places, material in model.materials_at(every) if model.grid.fields else ():
+        if material.law == "cohesive":
+            rows, ratio = every[places], model.settings.horizon.ratio
+            room = largest_horizon(material, ratio) - model.horizons[rows]
+            if room.min() <= 0:
+                worst = int(rows[room.argmin()])
+                raise ModelError(
+                    f"{model.name}: $.fields: E, G0 and f_t of {named(model, worst)} need a horizon"
+                    f" {-room.min():.4g} m less than {model.horizons[worst]:g} m; use a finer spacing, or a smaller f_t"
+                )
 
 
 def _refuse_cohesive_interfaces(model: Model) -> None:
@@ -469,23 +473,7 @@ def warn_of_doubtful_conditions(model: Model, time_step: float) -> None:
     wrong = data_too_short(model.settings.conditions, (model.settings.run.steps - 1) * time_step)
     if wrong is not None:
         raise ModelError(f"{model.name}: {wrong}")
-    run = model.settings.run
-    if run.solver != "static" or model.settings.physics != "mechanics":
-        end = run.steps * time_step
-        for number, condition in enumerate(model.settings.conditions):
-            if not isinstance(condition, Timed) or len(condition.profile) < 2:
-                continue
-            time, factor = np.array(condition.profile, dtype=float).T
-            acts = np.abs([*factor[time <= end], np.interp(end, time, factor)]).max()
-            peak, at = float(np.abs(factor).max()), float(time[np.abs(factor).argmax()])
-            if acts < LITTLE * peak:
-                named = f"{condition.__struct_config__.tag} '{called(condition.name, number)}'"
-                warn(
-                    model,
-                    f"$.conditions[{number}].profile: {acts / peak:.2g} of the peak of {named} acts within the run's"
-                    f" {end:.3g} s: the peak comes at {at:.3g} s; use a longer run.duration or a shorter profile"
-                    " (quasi-static: run.solver static)",
-                )
+    _warn_of_profiles_far_below_peak(model, time_step)
     _warn_of_ignored_zero_velocities(model)
     contact, bodies = model.settings.contact, model.grid.bodies
     if contact is None or contact.restitution == 1 or bodies is None or len(bodies.rigid) == len(bodies.names):
@@ -497,6 +485,28 @@ def warn_of_doubtful_conditions(model: Model, time_step: float) -> None:
         ModelNote,
         stacklevel=2,
     )
+
+
+def _warn_of_profiles_far_below_peak(model: Model, time_step: float) -> None:
+    """Warn of conditions whose profile stays far below its peak in a run in steps of `time_step`, s."""
+    run = model.settings.run
+    if run.solver == "static" and model.settings.physics == "mechanics":
+        return  # whose load steps go to the end of the profiles
+    end = run.steps * time_step
+    for number, condition in enumerate(model.settings.conditions):
+        if not isinstance(condition, Timed) or len(condition.profile) < 2:
+            continue
+        time, factor = np.array(condition.profile, dtype=float).T
+        acts = np.abs([*factor[time <= end], np.interp(end, time, factor)]).max()
+        peak, at = float(np.abs(factor).max()), float(time[np.abs(factor).argmax()])
+        if acts < LITTLE * peak:
+            named = f"{condition.__struct_config__.tag} '{called(condition.name, number)}'"
+            warn(
+                model,
+                f"$.conditions[{number}].profile: {acts / peak:.2g} of the peak of {named} acts within the run's"
+                f" {end:.3g} s: the peak comes at {at:.3g} s; use a longer run.duration or a shorter profile"
+                " (quasi-static: run.solver static)",
+            )
 
 
 def _warn_of_ignored_zero_velocities(model: Model) -> None:

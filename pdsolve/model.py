@@ -88,20 +88,7 @@ class Model:
                     f" {part}.{first}=...)"
                 )
         self._check_fields()
-        every = () if self.settings.material is None else (self.settings.material, *self._of_regions())
-        if not all(
-            material_settings.critical_stretch is None and material_settings.G0 != UNKNOWN
-            for material_settings in every
-        ):
-            size = self.settings.horizon.ratio, float(self.grid.delta.min()), self.grid.dimension
-            try:
-                materials = [with_fracture_energy(material_settings, *size) for material_settings in every]
-            except ValueError as error:
-                raise ModelError(f"{self.name}: $.material.{error}") from None
-            pairs = zip(self.settings.regions, materials[1:], strict=True)
-            regions = tuple(msgspec.structs.replace(region, material=material) for region, material in pairs)
-            settings = msgspec.structs.replace(self.settings, material=materials[0], regions=regions)
-            object.__setattr__(self, "settings", settings)
+        self._resolve_fracture_energies()
         large = beyond(self.settings, "$")
         if large is not None:
             raise ModelError(f"{self.name}: {large}")
@@ -113,6 +100,24 @@ class Model:
                 object.__setattr__(self, "grid", without_bonds(self.grid, self.settings, self.name))
         except GridError as error:
             raise ModelError(str(error)) from None
+
+    def _resolve_fracture_energies(self) -> None:
+        """Give materials with a critical stretch their fracture energy. Raises ModelError."""
+        every = () if self.settings.material is None else (self.settings.material, *self._of_regions())
+        if all(
+            material_settings.critical_stretch is None and material_settings.G0 != UNKNOWN
+            for material_settings in every
+        ):
+            return
+        size = self.settings.horizon.ratio, float(self.grid.delta.min()), self.grid.dimension
+        try:
+            materials = [with_fracture_energy(material_settings, *size) for material_settings in every]
+        except ValueError as error:
+            raise ModelError(f"{self.name}: $.material.{error}") from None
+        pairs = zip(self.settings.regions, materials[1:], strict=True)
+        regions = tuple(msgspec.structs.replace(region, material=material) for region, material in pairs)
+        settings = msgspec.structs.replace(self.settings, material=materials[0], regions=regions)
+        object.__setattr__(self, "settings", settings)
 
     def _of_regions(self) -> Iterator[Material]:
         return (region.material for region in self.settings.regions)

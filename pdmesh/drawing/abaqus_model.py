@@ -123,19 +123,7 @@ class Instance:
                         "*INSTANCE: the two points of the axis are at one place; move them apart", line
                     )
                 with np.errstate(over="ignore", invalid="ignore"):  # which is refused below
-                    # turned about the axis from `start` to `end`, by Rodrigues' formula
-                    start = np.array(numbers[:3])
-                    degrees = numbers[6]
-                    axis = np.array(numbers[3:6]) - start
-                    axis, way = axis / math.hypot(*axis), points - start
-                    quarter = degrees / 90
-                    exact = quarter == round(quarter)  # so that what is turned by 90 degrees stays on its lattice
-                    sine, cosine = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
-                    if exact:
-                        sine, cosine = float(round(sine)), float(round(cosine))
-                    points = np.asarray(
-                        start + cosine * way + sine * np.cross(axis, way) + (1 - cosine) * (way @ axis)[:, None] * axis
-                    )
+                    points = _turned(points, np.array(numbers[:3]), np.array(numbers[3:6]), numbers[6])
                 turned = True
             else:
                 wanted = "x, y, z of a translation, then x, y, z of two points of an axis and an angle"
@@ -143,6 +131,20 @@ class Instance:
         if not np.isfinite(points).all():
             raise self.keyword.error("*INSTANCE: it moves points beyond all numbers; give lengths in metres")
         return points
+
+
+def _turned(
+    points: NDArray[np.float64], start: NDArray[np.float64], end: NDArray[np.float64], degrees: float
+) -> NDArray[np.float64]:
+    """Points turned about the axis from `start` to `end`, by Rodrigues' formula."""
+    axis = end - start
+    axis, way = axis / math.hypot(*axis), points - start
+    quarter = degrees / 90
+    exact = quarter == round(quarter)  # so that what is turned by 90 degrees stays on its lattice
+    sine, cosine = np.sin(np.radians(degrees)), np.cos(np.radians(degrees))
+    if exact:
+        sine, cosine = float(round(sine)), float(round(cosine))
+    return np.asarray(start + cosine * way + sine * np.cross(axis, way) + (1 - cosine) * (way @ axis)[:, None] * axis)
 
 
 class Model:

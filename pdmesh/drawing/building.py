@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, TypeVar
 
@@ -46,29 +47,7 @@ def meshed(body: Body) -> Body:
         for number, condition in enumerate(body.conditions)
         if isinstance(condition.where, Solid)
     }
-    solids = {name: solid for name, solid in wanted.items() if not isinstance(solid, Shell)}
-    shells: dict[str, Shell] = {}
-    if solids:
-        lines = [
-            'SetFactory("OpenCASCADE");',
-            f'DefineConstant[ h = {{{body.finest!r}, Name "Peridynamics/Zones/body/Spacing"}} ];',
-        ]
-        groups = {}
-        for number, (name, solid) in enumerate(solids.items()):
-            group = groups[name] = name if name == BODY else f"solid:{number}"
-            tags = _said(solid, lines, name)
-            lines.append(f'Physical Volume("{group}") = {{{tags}()}};')
-        with scratch() as folder:
-            path = folder / "solids.geo"
-            path.write_text("\n".join(lines) + "\n", encoding="utf-8")
-            gmsh_output = read_trusted(path, [], TIME_LIMIT)
-        for message in gmsh_output["messages"]:
-            raise SceneError(f"body: Gmsh says: {message}")
-        groups_by_name = {group["name"]: group for group in gmsh_output["groups"]}
-        for name, group in groups.items():
-            if group not in groups_by_name:
-                raise SceneError(f"{name}: nothing is left of it; use a solid with an inside")
-            shells[name] = shell_of(gmsh_output, groups_by_name[group])
+    shells = _shells({name: solid for name, solid in wanted.items() if not isinstance(solid, Shell)}, body.finest)
 
     def found(name: str) -> Solid:
         return shells.get(name, wanted[name])
@@ -87,6 +66,33 @@ def meshed(body: Body) -> Body:
             for number, condition in enumerate(body.conditions)
         ),
     )
+
+
+def _shells(solids: Mapping[str, Solid], spacing: float) -> dict[str, Shell]:
+    if not solids:
+        return {}
+    lines = [
+        'SetFactory("OpenCASCADE");',
+        f'DefineConstant[ h = {{{spacing!r}, Name "Peridynamics/Zones/body/Spacing"}} ];',
+    ]
+    groups = {}
+    for number, (name, solid) in enumerate(solids.items()):
+        group = groups[name] = name if name == BODY else f"solid:{number}"
+        tags = _said(solid, lines, name)
+        lines.append(f'Physical Volume("{group}") = {{{tags}()}};')
+    with scratch() as folder:
+        path = folder / "solids.geo"
+        path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        gmsh_output = read_trusted(path, [], TIME_LIMIT)
+    for message in gmsh_output["messages"]:
+        raise SceneError(f"body: Gmsh says: {message}")
+    groups_by_name = {group["name"]: group for group in gmsh_output["groups"]}
+    shells = {}
+    for name, group in groups.items():
+        if group not in groups_by_name:
+            raise SceneError(f"{name}: nothing is left of it; use a solid with an inside")
+        shells[name] = shell_of(gmsh_output, groups_by_name[group])
+    return shells
 
 
 def _said(solid: Solid, lines: list[str], place: str) -> str:

@@ -94,29 +94,30 @@ def places_of(groups: Groups[G], shapes: GroupShapes[G], parameters: Parameters,
                 )
             text, place = parameters.text(f"{folder}/{word}"), f"parameter '{PREFIX}{folder}/{word}'"
             if word == "Box":
-                axes = "xyz"[:dimension]
-                try:
-                    ends = [parameters.unit.metres(float(word)) for word in text.split()]
-                except ValueError:
-                    ends = []
-                if len(ends) != 2 * dimension:
-                    corners = (
-                        " ".join(f"{axis}{end}" for end in "01" for axis in axes)
-                        + "'"
-                        + " in a body" * (dimension == 3)
-                    )
-                    raise SceneError(f"{place} is '{text}'; use {COUNTS[dimension]} numbers '{corners}")
-                low, high = ends[:dimension], ends[dimension:]
-                if not all(-LARGEST <= first < last <= LARGEST for first, last in zip(low, high, strict=True)):
-                    *most, last = (f"{axis}0 < {axis}1" for axis in axes)
-                    raise SceneError(f"{place} is '{text}'; use {', '.join(most)} and {last}, at most {LARGEST:g} m")
-                where: Any = shapely.box(*ends) if dimension == 2 else brick(tuple(low), tuple(high))
+                where: Any = _box(text, place, parameters, dimension)
             elif word == "Node":
                 where = shapely.Point(point_in(text, dimension, place, parameters.unit))
             else:
                 where = shapes.part_of_boundary(text, place)
             places[kind].append((name, where, folder))
     return places
+
+
+def _box(text: str, place: str, parameters: Parameters, dimension: int) -> Any:
+    """The rectangle or the box that numbers describe, the low corner first."""
+    axes = "xyz"[:dimension]
+    try:
+        ends = [parameters.unit.metres(float(word)) for word in text.split()]
+    except ValueError:
+        ends = []
+    if len(ends) != 2 * dimension:
+        corners = " ".join(f"{axis}{end}" for end in "01" for axis in axes) + "'" + " in a body" * (dimension == 3)
+        raise SceneError(f"{place} is '{text}'; use {COUNTS[dimension]} numbers '{corners}")
+    low, high = ends[:dimension], ends[dimension:]
+    if not all(-LARGEST <= first < last <= LARGEST for first, last in zip(low, high, strict=True)):
+        *most, last = (f"{axis}0 < {axis}1" for axis in axes)
+        raise SceneError(f"{place} is '{text}'; use {', '.join(most)} and {last}, at most {LARGEST:g} m")
+    return shapely.box(*ends) if dimension == 2 else brick(tuple(low), tuple(high))
 
 
 def single_point(points: Sequence[tuple[float, ...]], place: str) -> shapely.Point:

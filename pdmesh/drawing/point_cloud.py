@@ -34,21 +34,7 @@ def body_of_points(mesh: Mesh, values: Mapping[str, float | str], source: str) -
     near = tree_of(places).query(places, k=min(AROUND, len(places)))[1]
     spacing = np.asarray(volumes[near].mean(axis=1) ** (1 / 3))  # the width of a cube of the mean volume around
     triangles = surface_of(places, spacing)
-    # the corners are moved out until their surface has the volume of all nodes: by a spacing at most, not quite by 0
-    whole = float(volumes.sum())
-    mean_spacing = float(np.median(spacing))
-    a, b, c = places[triangles].transpose(1, 0, 2)
-    normal = np.zeros_like(places)
-    np.add.at(normal, triangles.ravel(), np.repeat(np.cross(b - a, c - a), 3, axis=0))
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    normal /= np.where(length > 0, length, 1.0)
-    low, high = CLEAR * mean_spacing, mean_spacing
-    for _ in range(HALVINGS):
-        middle = (low + high) / 2
-        a, b, c = (places - places[:1] + middle * normal)[triangles].transpose(1, 0, 2)
-        less = float((a * np.cross(b, c)).sum()) < 6 * whole
-        low, high = (middle, high) if less else (low, middle)
-    corners, outside = places + low * normal, low
+    corners, outside = _around(places, triangles, float(volumes.sum()), float(np.median(spacing)))
     outer = triangles + len(places)
     body_group = {"name": "zone:body", "dimension": 3, "triangles": outer, "volume": float(volumes.sum()), "cones": []}
     first = np.cumsum([0, *(len(block.data) for block in mesh.cells)])
@@ -75,6 +61,27 @@ def body_of_points(mesh: Mesh, values: Mapping[str, float | str], source: str) -
     )
     notes = (*body.notes, *mesh.notes, said, *unused("group", bare, "no material of its own"))
     return replace(body, nodes=cloud, parameters=tuple(values.items()), notes=notes)
+
+
+def _around(
+    places: NDArray[np.float64], triangles: NDArray[np.int64], whole: float, spacing: float
+) -> tuple[NDArray[np.float64], float]:
+    """The corners (n, 3) of the surface, moved out until it has the volume of all nodes; and how far.
+
+    They move by at most a spacing, and not quite by 0.
+    """
+    a, b, c = places[triangles].transpose(1, 0, 2)
+    normal = np.zeros_like(places)
+    np.add.at(normal, triangles.ravel(), np.repeat(np.cross(b - a, c - a), 3, axis=0))
+    length = np.linalg.norm(normal, axis=1, keepdims=True)
+    normal /= np.where(length > 0, length, 1.0)
+    low, high = CLEAR * spacing, spacing
+    for _ in range(HALVINGS):
+        middle = (low + high) / 2
+        a, b, c = (places - places[:1] + middle * normal)[triangles].transpose(1, 0, 2)
+        less = float((a * np.cross(b, c)).sum()) < 6 * whole
+        low, high = (middle, high) if less else (low, middle)
+    return places + low * normal, low
 
 
 def surface_of(places: NDArray[np.float64], spacing: NDArray[np.float64]) -> NDArray[np.int64]:

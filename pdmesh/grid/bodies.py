@@ -84,27 +84,9 @@ def _beside(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
     for other_body in body.bodies:
         with errors_at(f"body '{other_body.name}'"):
             every.append(_alone(replace(other_body.body, run=body.run), lists=True))
-    # no two bodies may overlap
-    for (name, own), (second_name, other) in permutations(
-        [(REST, replace(body, bodies=())), *((other_body.name, other_body.body) for other_body in body.bodies)], 2
-    ):
-        theirs, own_triangles = other.shell.triangles, own.shell.triangles
-        low, high = (
-            np.stack([end(triangles, axis=(0, 1)) for triangles in (own_triangles, theirs)]) for end in (np.min, np.max)
-        )
-        if not (high.min(axis=0) - low.max(axis=0) > SLACK * own.spacing).all():
-            continue
-        place = f"body '{name if second_name == REST else second_name}'"
-        for level in _levels(own):
-            within = level.within(other.shell, place)
-            inner = level.position[within]
-            if len(inner):
-                deep = distances(inner, theirs, float(np.ptp(theirs, axis=(0, 1)).max())).max()
-                rest = second_name if name != REST and second_name == REST else name
-                raise SceneError(
-                    f"{place} is {deep + float(level.delta.max()) / 2:.4g} m deep in body '{rest}'; bodies may touch"
-                    " at most"
-                )
+    _refuse_overlap(
+        [(REST, replace(body, bodies=())), *((other_body.name, other_body.body) for other_body in body.bodies)]
+    )
     grid = joined([part_grid for part_grid, _, _ in every], (REST, *(other_body.name for other_body in body.bodies)))
     settings, regions, conditions = every[0][1], [*every[0][1].regions], [*every[0][1].conditions]
     first = len(every[0][0])
@@ -123,6 +105,28 @@ def _beside(body: Body) -> tuple[Grid, Settings, tuple[str, ...]]:
         first += len(body_grid)
     settings = msgspec.structs.replace(settings, regions=tuple(regions), conditions=tuple(conditions))
     return grid, settings, tuple(remark for _, _, remarks in every for remark in remarks)
+
+
+def _refuse_overlap(bodies: list[tuple[str, Body]]) -> None:
+    """Raise SceneError for two bodies of which one has nodes in the other."""
+    for (name, first), (second_name, second) in permutations(bodies, 2):
+        theirs, own_triangles = second.shell.triangles, first.shell.triangles
+        low, high = (
+            np.stack([end(triangles, axis=(0, 1)) for triangles in (own_triangles, theirs)]) for end in (np.min, np.max)
+        )
+        if not (high.min(axis=0) - low.max(axis=0) > SLACK * first.spacing).all():
+            continue
+        place = f"body '{name if second_name == REST else second_name}'"
+        for level in _levels(first):
+            within = level.within(second.shell, place)
+            inner = level.position[within]
+            if len(inner):
+                deep = distances(inner, theirs, float(np.ptp(theirs, axis=(0, 1)).max())).max()
+                rest = second_name if name != REST and second_name == REST else name
+                raise SceneError(
+                    f"{place} is {deep + float(level.delta.max()) / 2:.4g} m deep in body '{rest}'; bodies may touch"
+                    " at most"
+                )
 
 
 def _further(item: S, first: int) -> S:

@@ -77,20 +77,7 @@ def _cuts(triangles: NDArray[np.float64], cubes: Cubes, place: str) -> Cuts:
     cuts: list[tuple[NDArray[np.int64], NDArray[np.float64]]] = []
     triangle_rows = np.flatnonzero(total)
     for chunk in np.split(triangle_rows, np.flatnonzero(np.diff(np.cumsum(total[triangle_rows]) // AT_ONCE)) + 1):
-        # line numbers and heights of the cuts by some of the triangles
-        cut_count = many[chunk, 0] * many[chunk, 1]
-        triangle = np.repeat(chunk, cut_count)
-        number = np.arange(len(triangle)) - np.repeat(np.cumsum(cut_count) - cut_count, cut_count)
-        x, y = np.divmod(number, many[triangle, 1])
-        x, y = x + first[triangle, 0], y + first[triangle, 1]
-        a, b, c = (flat[triangle, corner] for corner in range(3))
-        weights = [_turn(b, c, x, y), _turn(c, a, x, y), _turn(a, b, x, y)]
-        up = (weights[0] > 0) & (weights[1] > 0) & (weights[2] > 0)
-        down = (weights[0] < 0) & (weights[1] < 0) & (weights[2] < 0)
-        hit = up | down
-        u, v, w = (weight[hit] for weight in weights)
-        height = (u * a[hit, 2] + v * b[hit, 2] + w * c[hit, 2]) / (u + v + w)
-        cuts.append(((x * wide[1] + y)[hit], np.asarray(height)))
+        cuts.append(_crossed(flat, chunk, first, many, wide))
     line, height = (np.concatenate(column) for column in zip(*cuts, strict=True))
     order = np.lexsort((height, line))
     line, height = line[order], height[order]
@@ -103,6 +90,29 @@ def _cuts(triangles: NDArray[np.float64], cubes: Cubes, place: str) -> Cuts:
         )
     rank = np.arange(len(line)) - np.repeat(np.cumsum(counts) - counts, counts)
     return Cuts(line, height, rank % 2 == 1)
+
+
+def _crossed(
+    flat: NDArray[np.float64],
+    chunk: NDArray[np.int64],
+    first: NDArray[np.int64],
+    many: NDArray[np.int64],
+    wide: NDArray[np.int64],
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Line numbers and heights of the cuts by some of the triangles."""
+    total = many[chunk, 0] * many[chunk, 1]
+    triangle = np.repeat(chunk, total)
+    number = np.arange(len(triangle)) - np.repeat(np.cumsum(total) - total, total)
+    x, y = np.divmod(number, many[triangle, 1])
+    x, y = x + first[triangle, 0], y + first[triangle, 1]
+    a, b, c = (flat[triangle, corner] for corner in range(3))
+    weights = [_turn(b, c, x, y), _turn(c, a, x, y), _turn(a, b, x, y)]
+    up = (weights[0] > 0) & (weights[1] > 0) & (weights[2] > 0)
+    down = (weights[0] < 0) & (weights[1] < 0) & (weights[2] < 0)
+    hit = up | down
+    u, v, w = (weight[hit] for weight in weights)
+    height = (u * a[hit, 2] + v * b[hit, 2] + w * c[hit, 2]) / (u + v + w)
+    return (x * wide[1] + y)[hit], np.asarray(height)
 
 
 def _turn(

@@ -133,22 +133,7 @@ def remarks(grid: Grid, settings: Settings) -> tuple[str, ...]:
     face = shapely.STRtree(faces).nearest(shapely.points(grid.position[inner]))
     piece_list = [_Piece(piece_rows, int(at)) for piece_rows, at in zip(rows, face, strict=True)]
     piece_list = sorted(piece_list, key=lambda piece: -len(piece.rows))
-    bare_parts = []
-    for at in sorted(set(range(len(faces))) - {piece.face for piece in piece_list}):
-        gap = faces[at]
-        x, y = shapely.get_coordinates(gap.representative_point())[0]
-        part = f"a part of the plate around ({x:.6g}, {y:.6g}) m, {gap.area:.3g} m^2"
-        if near(grid.position, gap, ON * float(grid.delta.min())).any():
-            bare_parts.append(
-                f"warning: {part}, has no node: it touches another part in a point, where bonds join them"
-            )
-            continue
-        spacing = float(grid.delta[np.hypot(*(grid.position - (x, y)).T).argmin()])
-        problem = f"no node is in {part}; use finer nodes, which are {spacing:g} m apart there"
-        if gap.area >= CRUMB * spacing**2:
-            raise SceneError(f"plate: {problem}")
-        bare_parts.append(f"warning: {problem}")
-    said = [*_loose(grid, settings, piece_list, thin), *bare_parts]
+    said = [*_loose(grid, settings, piece_list, thin), *_bare(grid, piece_list, faces)]
     if len(faces) > len(shapely.get_parts(plate)):  # which may be intended
         parts = "; ".join(piece.describe(grid) for piece in _largest(piece_list).values())
         said.append(f"the cracks cut the plate into pieces: {parts}")
@@ -199,6 +184,24 @@ def _loose(grid: Grid, settings: Settings, pieces: list[_Piece], thin: list[Liga
             )
         said = f"no bond joins {piece.describe(grid)} to the rest of the plate, {where}"
         if len(piece.rows) >= CRUMB or acted_on[piece.rows].any():
+            raise SceneError(f"plate: {said}")
+        warnings.append(f"warning: {said}")
+    return warnings
+
+
+def _bare(grid: Grid, pieces: list[_Piece], faces: list[shapely.Polygon]) -> list[str]:
+    """Warnings of small parts of the plate without a node. Raises SceneError for larger ones."""
+    warnings = []
+    for number in sorted(set(range(len(faces))) - {piece.face for piece in pieces}):
+        face = faces[number]
+        x, y = shapely.get_coordinates(face.representative_point())[0]
+        part = f"a part of the plate around ({x:.6g}, {y:.6g}) m, {face.area:.3g} m^2"
+        if near(grid.position, face, ON * float(grid.delta.min())).any():
+            warnings.append(f"warning: {part}, has no node: it touches another part in a point, where bonds join them")
+            continue
+        spacing = float(grid.delta[np.hypot(*(grid.position - (x, y)).T).argmin()])
+        said = f"no node is in {part}; use finer nodes, which are {spacing:g} m apart there"
+        if face.area >= CRUMB * spacing**2:
             raise SceneError(f"plate: {said}")
         warnings.append(f"warning: {said}")
     return warnings

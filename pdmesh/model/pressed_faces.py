@@ -47,27 +47,7 @@ def pieces_of(faces: Faces, position: Array, delta: Array, cells: Array) -> Face
     normal /= np.linalg.norm(normal, axis=1)[:, None]
     size = np.zeros(len(corners))
     np.add.at(size, pieces, np.linalg.norm(areas, axis=1)[:, None])
-    from scipy.sparse import csr_array
-
-    tree = tree_of(position)
-    depth = tree.query(corners)[0].max() + float(delta.max())
-    reach = max(depth, float(tree_of(corners).query(position)[0].max()) + float(delta.max()))
-    nodes_near = tree.query_ball_point(corners, reach)
-    corner = np.repeat(np.arange(len(corners)), [len(rows) for rows in nodes_near])
-    node = np.concatenate([np.asarray(rows, dtype=np.int64) for rows in nodes_near])
-    way = position[node] - corners[corner]
-    deep = (way * -normal[corner]).sum(axis=1)
-    along = np.sqrt(np.maximum((way**2).sum(axis=1) - deep**2, 0.0))
-    behind = deep >= np.where(is_crack[corner], 0.0, -BEHIND * delta[node])
-    weight = np.where(behind, np.maximum(1 - along / delta[node], 0.0), 0.0)
-    # a corner that no node is behind is carried by the nearest one, on its own side of a crack if there is one
-    lonely = np.flatnonzero(np.bincount(corner, weight, len(corners)) == 0)
-    far = along + np.where(behind, 0.0, 2 * reach)
-    order = np.lexsort((far, corner))
-    nearest = order[np.searchsorted(corner[order], lonely)]
-    weight[nearest] = 1.0
-    is_near = weight > 0
-    near = csr_array((weight[is_near], (corner[is_near], node[is_near])), shape=(len(corners), len(position)))
+    near = _near(corners, -normal, is_crack, position, delta)
     # nodes begin with a part in proportion to how near they are and to their cells; those that get more or less per
     # cell than others around, as half cells at the end of an edge do, then take less or more
     part, reached = np.array(cells), near.T @ np.ones(len(size))
@@ -146,3 +126,29 @@ def _divided(numbers: Array, tree: object, delta: Array) -> tuple[Array, NDArray
     number, kept, corner = np.unique(2 * place + other, return_index=True, return_inverse=True)
     has_other = np.bincount(place, other, len(first)) > 0
     return points[kept], corner.reshape(-1, d), has_other[number // 2]
+
+
+def _near(corners: Array, inward: Array, is_crack: NDArray[np.bool_], position: Array, delta: Array) -> csr_array:
+    """How near (p, k) nodes behind each corner are along the faces, of which `inward` (p, d) are the normals into the
+    material: 1 to 0 a spacing away."""
+    from scipy.sparse import csr_array
+
+    tree = tree_of(position)
+    depth = tree.query(corners)[0].max() + float(delta.max())
+    reach = max(depth, float(tree_of(corners).query(position)[0].max()) + float(delta.max()))
+    near = tree.query_ball_point(corners, reach)
+    corner = np.repeat(np.arange(len(corners)), [len(rows) for rows in near])
+    node = np.concatenate([np.asarray(rows, dtype=np.int64) for rows in near])
+    way = position[node] - corners[corner]
+    deep = (way * inward[corner]).sum(axis=1)
+    along = np.sqrt(np.maximum((way**2).sum(axis=1) - deep**2, 0.0))
+    behind = deep >= np.where(is_crack[corner], 0.0, -BEHIND * delta[node])
+    weight = np.where(behind, np.maximum(1 - along / delta[node], 0.0), 0.0)
+    # a corner that no node is behind is carried by the nearest one, on its own side of a crack if there is one
+    lonely = np.flatnonzero(np.bincount(corner, weight, len(corners)) == 0)
+    far = along + np.where(behind, 0.0, 2 * reach)
+    order = np.lexsort((far, corner))
+    nearest = order[np.searchsorted(corner[order], lonely)]
+    weight[nearest] = 1.0
+    is_near = weight > 0
+    return csr_array((weight[is_near], (corner[is_near], node[is_near])), shape=(len(corners), len(position)))

@@ -69,19 +69,7 @@ def orientation(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
     largest = np.lexsort((area, part))[np.append(np.flatnonzero(np.diff(np.sort(part))), len(part) - 1)]
     inward = np.zeros(part.max() + 1, dtype=bool)
     for triangle in largest:
-        # how many triangles a ray meets that leaves this one on the side from which it is counterclockwise
-        outer = int(triangle)
-        corners = triangles - triangles[outer].mean(axis=0)
-        edge, second_edge = corners[outer, 1] - corners[outer, 0], corners[outer, 2] - corners[outer, 0]
-        normal = np.cross(edge, second_edge)
-        ray = normal / np.linalg.norm(normal) + RAY[0] * edge / np.linalg.norm(edge)  # in no plane that bodies have
-        ray += RAY[1] * second_edge / np.linalg.norm(second_edge)
-        a, b, c = corners.transpose(1, 0, 2)
-        sides = np.stack([np.cross(p, q) @ ray for p, q in ((a, b), (b, c), (c, a))])
-        met = np.asarray((sides > 0).all(axis=0) | (sides < 0).all(axis=0))
-        met[outer] = False
-        ahead = (a * np.cross(b, c)).sum(axis=1) * sides.sum(axis=0) > 0
-        inward[part[triangle]] = int((met & ahead).sum()) % 2
+        inward[part[triangle]] = _crossings(triangles, int(triangle)) % 2
     way[distinct_corners] = np.where(turned ^ inward[part], -1.0, 1.0)
     return way
 
@@ -99,6 +87,21 @@ def _corner_numbers(triangles: NDArray[np.float64]) -> NDArray[np.int64]:
 def _edge_keys(ends: NDArray[np.int64]) -> NDArray[np.int64]:
     """A number (e,) for each edge between two corners (e, 2), the same for both directions."""
     return np.asarray(ends.min(axis=1) * (ends.max(initial=0) + 1) + ends.max(axis=1))
+
+
+def _crossings(triangles: NDArray[np.float64], triangle: int) -> int:
+    """How many triangles a ray meets that leaves one of them on the side from which it is counterclockwise."""
+    corners = triangles - triangles[triangle].mean(axis=0)
+    edge, second_edge = corners[triangle, 1] - corners[triangle, 0], corners[triangle, 2] - corners[triangle, 0]
+    normal = np.cross(edge, second_edge)
+    way = normal / np.linalg.norm(normal) + RAY[0] * edge / np.linalg.norm(edge)  # in no plane that bodies have
+    way += RAY[1] * second_edge / np.linalg.norm(second_edge)
+    a, b, c = corners.transpose(1, 0, 2)
+    sides = np.stack([np.cross(p, q) @ way for p, q in ((a, b), (b, c), (c, a))])
+    met = np.asarray((sides > 0).all(axis=0) | (sides < 0).all(axis=0))
+    met[triangle] = False
+    ahead = (a * np.cross(b, c)).sum(axis=1) * sides.sum(axis=0) > 0
+    return int((met & ahead).sum())
 
 
 def gap(triangles: NDArray[np.float64]) -> NDArray[np.float64] | None:
@@ -170,33 +173,9 @@ class Screen:
         """
         mask = np.zeros(len(pairs.source), dtype=bool)
         if len(mask):
-            far = float(pairs.length.max()) * (1 + ROUND_OFF)
-            start = np.append(np.flatnonzero(np.diff(pairs.source, prepend=-1)), len(mask))
-            place = self._position[pairs.source[start[:-1]]]
-            for triangle, normal in zip(self._large, self._large_normal, strict=True):
-                near_rows = np.flatnonzero(_beside(place, triangle, normal, far))
-                if not len(near_rows):
-                    continue
-                count = start[near_rows + 1] - start[near_rows]
-                which = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - start[near_rows], count)
-                which = which[~mask[which]]
-                mask[which] = meets(*self._ends(pairs, which), triangle[None], normal[None])
+            self._look_at_large(pairs, mask)
             if len(self._small):
-                longer = self._away[pairs.source] + self._away[pairs.target] <= pairs.length * (1 + ROUND_OFF)
-                candidates = np.flatnonzero(longer & ~mask)
-                candidates = candidates[np.argsort(pairs.length[candidates], kind="stable")]
-                for alike in filter(len, np.array_split(candidates, LENGTHS)):
-                    p, q = self._ends(pairs, alike)
-                    near = (float(pairs.length[alike[-1]]) / 2 + self._reach) * (1 + ROUND_OFF)
-                    count = self._tree.query_ball_point((p + q) / 2, near, return_length=True)
-                    part = np.cumsum(count) // AT_ONCE
-                    for which in np.split(alike, np.flatnonzero(np.diff(part)) + 1):
-                        p, q = self._ends(pairs, which)
-                        both = tree_of((p + q) / 2).sparse_distance_matrix(self._tree, near, output_type="ndarray")
-                        beside = self._beside(p, q, both["i"], both["j"], both["v"])
-                        own, number = both["i"][beside], both["j"][beside]
-                        met = meets(p[own], q[own], self._small[number], self._small_normal[number])
-                        mask[which[own[met]]] = True
+                self._look_at_small(pairs, mask)
         return mask
 
     def near(self, far: float) -> NDArray[np.bool_]:
@@ -214,6 +193,36 @@ class Screen:
         """Ends of segments (k, 3), in the order of rows, so that both directions give the same answer."""
         i, j = pairs.source[which], pairs.target[which]
         return self._position[np.minimum(i, j)], self._position[np.maximum(i, j)]
+
+    def _look_at_large(self, pairs: Pairs, mask: NDArray[np.bool_]) -> None:
+        far = float(pairs.length.max()) * (1 + ROUND_OFF)
+        start = np.append(np.flatnonzero(np.diff(pairs.source, prepend=-1)), len(mask))
+        place = self._position[pairs.source[start[:-1]]]
+        for triangle, normal in zip(self._large, self._large_normal, strict=True):
+            near_rows = np.flatnonzero(_beside(place, triangle, normal, far))
+            if not len(near_rows):
+                continue
+            count = start[near_rows + 1] - start[near_rows]
+            which = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count - start[near_rows], count)
+            which = which[~mask[which]]
+            mask[which] = meets(*self._ends(pairs, which), triangle[None], normal[None])
+
+    def _look_at_small(self, pairs: Pairs, mask: NDArray[np.bool_]) -> None:
+        longer = self._away[pairs.source] + self._away[pairs.target] <= pairs.length * (1 + ROUND_OFF)
+        candidates = np.flatnonzero(longer & ~mask)
+        candidates = candidates[np.argsort(pairs.length[candidates], kind="stable")]
+        for alike in filter(len, np.array_split(candidates, LENGTHS)):
+            p, q = self._ends(pairs, alike)
+            near = (float(pairs.length[alike[-1]]) / 2 + self._reach) * (1 + ROUND_OFF)
+            count = self._tree.query_ball_point((p + q) / 2, near, return_length=True)
+            part = np.cumsum(count) // AT_ONCE
+            for which in np.split(alike, np.flatnonzero(np.diff(part)) + 1):
+                p, q = self._ends(pairs, which)
+                both = tree_of((p + q) / 2).sparse_distance_matrix(self._tree, near, output_type="ndarray")
+                beside = self._beside(p, q, both["i"], both["j"], both["v"])
+                own, number = both["i"][beside], both["j"][beside]
+                met = meets(p[own], q[own], self._small[number], self._small_normal[number])
+                mask[which[own[met]]] = True
 
     def _beside(
         self,
@@ -331,27 +340,29 @@ def ways_to(points: Array, triangles: Array, reach: float) -> tuple[Array, NDArr
         near = np.flatnonzero(((points >= low[t]) & (points <= high[t])).all(axis=1)) if size > 0 else ()
         if not len(near):
             continue
-        # vectors to the triangle, and on which of its sides these end; -1: within
-        near_points = points[near]
-        triangle = triangles[t]
-        a, b, c = triangle
-        inverse = np.linalg.pinv(np.stack([b - a, c - a], axis=1))
-        u, v = inverse @ (near_points - a).T
-        foot = a + u[:, None] * (b - a) + v[:, None] * (c - a)
-        vectors, side = foot - near_points, np.full(len(near_points), -1)
-        outside = (u < 0) | (v < 0) | (u + v > 1)
-        way_length = np.where(outside, np.inf, (vectors**2).sum(axis=1))
-        for corner in range(3):
-            start, along = triangle[corner], triangle[(corner + 1) % 3] - triangle[corner]
-            share = np.clip((near_points - start) @ along / float(along @ along), 0.0, 1.0)
-            way = start + share[:, None] * along - near_points
-            far = (way**2).sum(axis=1)
-            nearer = far < way_length
-            vectors[nearer], side[nearer], way_length[nearer] = way[nearer], corner, far[nearer]
-        way = vectors
+        way, side = _ways(points[near], triangles[t])
         far = np.sqrt((way**2).sum(axis=1))
         nearer = (far < length[near]) & (far <= reach)
         rows, way, side, far = near[nearer], way[nearer], side[nearer], far[nearer]
         ways[rows], length[rows] = way, far
         beyond_rim[rows] = (side >= 0) & on_rim[t, side] & (np.abs(way @ normal) < UPRIGHT * size * far)
     return ways, np.isfinite(length) & ~beyond_rim
+
+
+def _ways(points: Array, triangle: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Vectors (k, 3) from points (k, 3) to a triangle, and on which of its sides (k,) these end; -1: within."""
+    a, b, c = triangle
+    inverse = np.linalg.pinv(np.stack([b - a, c - a], axis=1))
+    u, v = inverse @ (points - a).T
+    foot = a + u[:, None] * (b - a) + v[:, None] * (c - a)
+    ways, side = foot - points, np.full(len(points), -1)
+    outside = (u < 0) | (v < 0) | (u + v > 1)
+    length = np.where(outside, np.inf, (ways**2).sum(axis=1))
+    for number in range(3):
+        start, along = triangle[number], triangle[(number + 1) % 3] - triangle[number]
+        share = np.clip((points - start) @ along / float(along @ along), 0.0, 1.0)
+        way = start + share[:, None] * along - points
+        far = (way**2).sum(axis=1)
+        nearer = far < length
+        ways[nearer], side[nearer], length[nearer] = way[nearer], number, far[nearer]
+    return ways, side

@@ -372,20 +372,7 @@ def plan(scene: Scene | Body, mode: str = DEFAULT_MODE) -> dict[str, Any]:
     scene_plan = run_of(grid, settings, scene.source, mode)
     counted, _ = count(grid, scene.horizon, sample=SAMPLE)
     ratio = 1.0 if scene_plan is None else scene_plan.bonds / counted
-    # on one scale; with too many nodes, and in space, nodes are not placed, and have as many pairs as on several scales
-    pairs_per_node = counted / len(grid)
-    if isinstance(original, Body):
-        volume = original.shell.volume
-        nodes = round(volume / original.finest**3) if original.nodes is None else len(original.nodes.position)
-    else:
-        flat = original.one_scale()
-        nodes = round(flat.shape.area / flat.finest**2)
-        if nodes < MOST_COUNTED:
-            placed = place_nodes(flat)
-            placed_grid = grid_of_nodes(flat, placed.position, placed.delta, placed.delta**2)
-            nodes = len(placed_grid)
-            pairs_per_node = count(placed_grid, flat.horizon, sample=SAMPLE)[0] / nodes
-    bonds = pairs_per_node * nodes
+    nodes, bonds = _one_scale(original, counted / len(grid))
     return {
         "source": scene.source,
         "mode": mode,
@@ -415,6 +402,23 @@ def _moving(scene: Scene, mode: str) -> dict[str, Any]:
         "scene": _cost(spacings, nodes, counted, scene_plan),
         "one_scale": _cost(nodes_by_spacing(grid), len(grid), counted, flat),
     }
+
+
+def _one_scale(scene: Scene | Body, pairs_per_node: float) -> tuple[int, float]:
+    """Number of nodes of the scene on one scale, and of pairs within a horizon.
+
+    With too many nodes, and in space, nodes are not placed; a node then has `pairs_per_node`, as on several scales.
+    """
+    if isinstance(scene, Body):
+        nodes = round(scene.shell.volume / scene.finest**3) if scene.nodes is None else len(scene.nodes.position)
+        return nodes, pairs_per_node * nodes
+    flat = scene.one_scale()
+    nodes = round(flat.shape.area / flat.finest**2)
+    if nodes < MOST_COUNTED:
+        placed = place_nodes(flat)
+        grid = grid_of_nodes(flat, placed.position, placed.delta, placed.delta**2)
+        nodes, pairs_per_node = len(grid), count(grid, flat.horizon, sample=SAMPLE)[0] / len(grid)
+    return nodes, pairs_per_node * nodes
 
 
 def _priced(

@@ -53,18 +53,7 @@ def check(scene: Plate) -> None:
     _numbers(scene)
     _spacings(scene)
     _plate(scene)
-    names = [zone.name for zone in scene.zones]
-    for zone in scene.zones:
-        if names.count(zone.name) > 1:
-            raise SceneError(f"zone '{zone.name}': {names.count(zone.name)} have this name; use it once")
-        if not zone.shape.intersection(scene.whole).area > 0:
-            raise SceneError(f"zone '{zone.name}' is outside the plate; put it inside")
-        x0, y0, x1, y1 = zone.shape.bounds
-        if zone.spacing > max(x1 - x0, y1 - y0):
-            raise SceneError(
-                f"zone '{zone.name}': spacing is {zone.spacing:g} m; use less than its size {max(x1 - x0, y1 - y0):g} m"
-            )
-        limit_nodes(zone.shape.intersection(scene.whole), zone.spacing, f"zone '{zone.name}': spacing")
+    _zones(scene)
     _ = scene.slits  # raises for a crack that is not in the plate
     _bodies(scene)
     placed: tuple[PlacedRegion[Any], ...] = (*scene.regions, *scene.media)
@@ -235,6 +224,21 @@ def limit_nodes(shape: Surface, spacing: float, place: str, most: float = MOST_N
                 f"{place} is {spacing:g} m, about {side * side:.1g} nodes on {x1 - x0:g} x {y1 - y0:g} m; use no"
                 f" more than {many:.0e}"
             )
+
+
+def _zones(scene: Plate) -> None:
+    names = [zone.name for zone in scene.zones]
+    for zone in scene.zones:
+        if names.count(zone.name) > 1:
+            raise SceneError(f"zone '{zone.name}': {names.count(zone.name)} have this name; use it once")
+        if not zone.shape.intersection(scene.whole).area > 0:
+            raise SceneError(f"zone '{zone.name}' is outside the plate; put it inside")
+        x0, y0, x1, y1 = zone.shape.bounds
+        if zone.spacing > max(x1 - x0, y1 - y0):
+            raise SceneError(
+                f"zone '{zone.name}': spacing is {zone.spacing:g} m; use less than its size {max(x1 - x0, y1 - y0):g} m"
+            )
+        limit_nodes(zone.shape.intersection(scene.whole), zone.spacing, f"zone '{zone.name}': spacing")
 
 
 def _bodies(scene: Plate) -> None:

@@ -13,6 +13,7 @@ from pdpost.commands.shared import add_every, add_results, chosen_stride, counte
 if TYPE_CHECKING:
     from pdpost.browser.page import Selection
     from pdpost.commands.shared import Commands
+    from pdsolve.results import Results
 
 OF_EXPORT = ("field", "megabytes", "every", "stride")  # options that say what is in the file
 
@@ -90,21 +91,7 @@ def _view(args: argparse.Namespace) -> int:
         raise commandline.UsageError("--export serves nothing; leave out --port and --open")
     path = commandline.output_path(args.output, args.results, ".html", args.force)
     with Results.open(args.results) as results:
-        from pdmesh.files import write_atomically
-        from pdpost.browser import page
-
-        stride = chosen_stride(results, args) if args.every or args.stride else None
-        chosen: Selection = page.select(results, stride, args.field, args.megabytes or page.LIMIT)
-        text = page.offline_page(results, args.results.stem, chosen, counted(args, "writing")).encode()
-        write_atomically(path, text)
-        names = [name + f":{part}" * (part != "value") for name, part in chosen.fields]
-        counts = {"frames": len(chosen.steps), "nodes": chosen.nodes, "fields": names, "left_out": chosen.left_out}
-        line = (
-            f"{path}: {len(chosen.steps)} frames of {', '.join(names)}, {chosen.nodes} nodes, {len(text) / 1e6:.3g} MB"
-        )
-        line += f"; left out: {chosen.left_out}" if chosen.left_out else ""
-        commandline.report({"output": str(path), "bytes": len(text), **counts}, [line], args)
-        return commandline.OK
+        return _export(args, results, path)
 
 
 def _serve(args: argparse.Namespace) -> int:
@@ -127,4 +114,20 @@ def _serve(args: argparse.Namespace) -> int:
             server.serve_forever()
         except KeyboardInterrupt:  # the usual end
             commandline.note("", args)
+    return commandline.OK
+
+
+def _export(args: argparse.Namespace, results: Results, path: Path) -> int:
+    from pdmesh.files import write_atomically
+    from pdpost.browser import page
+
+    stride = chosen_stride(results, args) if args.every or args.stride else None
+    chosen: Selection = page.select(results, stride, args.field, args.megabytes or page.LIMIT)
+    text = page.offline_page(results, args.results.stem, chosen, counted(args, "writing")).encode()
+    write_atomically(path, text)
+    names = [name + f":{part}" * (part != "value") for name, part in chosen.fields]
+    counts = {"frames": len(chosen.steps), "nodes": chosen.nodes, "fields": names, "left_out": chosen.left_out}
+    line = f"{path}: {len(chosen.steps)} frames of {', '.join(names)}, {chosen.nodes} nodes, {len(text) / 1e6:.3g} MB"
+    line += f"; left out: {chosen.left_out}" if chosen.left_out else ""
+    commandline.report({"output": str(path), "bytes": len(text), **counts}, [line], args)
     return commandline.OK

@@ -98,29 +98,7 @@ class Growth:
         new particles."""
         before = len(self.particles.place)
         for tip, verdict in evaluated_tips:
-            rules, way, length = self.rules, self._way(tip), self.growth_length(tip, length_share)
-            for angle in verdict.angles:
-                if rules.most is not None and len(self.particles.place) - self._first >= rules.most:
-                    reached = f"a crack would go on from {_at(tip.place)} after {rules.most} particles, and stops there"
-                    self.add_warning_once("most", f"step {step}: {reached}; a larger run.particles.most lets it grow")
-                    break
-                toward = float(np.arctan2(way[1], way[0])) + angle
-                place = self._ground.end(tip.place, toward, length, arms(self.particles))
-                line, at = [place], tip.particle
-                while self.particles.step[at] > 0:
-                    line.append(self.particles.place[at])
-                    at = int(self.particles.parent[at])
-                line.append(self.particles.place[at])
-                points = np.array(line)
-                along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-                straight = np.hypot(*(points - place).T)
-                if bool(((along > BLURRED * self._horizon(tip)) & (straight < FOLDED * along)).any()):
-                    self.add_warning_once(
-                        f"folds {tip.particle}",
-                        f"step {step}: a crack turns back on itself at {_at(tip.place)}, and stops there",
-                    )
-                    break
-                self.particles = grown(self.particles, place, tip.particle, step)
+            self._grow(tip, verdict, step, length_share)
         new = len(self.particles.place) - before
         if new:
             self._cut(arms(self.particles)[-new:], state, step)
@@ -161,6 +139,32 @@ class Growth:
         if room >= LEAST * horizon:
             return by_intensity(sampled, tip.place, self._way(tip), ring, plate, toughness)
         return by_release(sampled, tip.place, self._way(tip), ring, plate, toughness)
+
+    def _grow(self, tip: Tip, verdict: Verdict, step: int, share: float) -> None:
+        """Add particles ahead of a tip."""
+        rules, way, length = self.rules, self._way(tip), self.growth_length(tip, share)
+        for angle in verdict.angles:
+            if rules.most is not None and len(self.particles.place) - self._first >= rules.most:
+                reached = f"a crack would go on from {_at(tip.place)} after {rules.most} particles, and stops there"
+                self.add_warning_once("most", f"step {step}: {reached}; a larger run.particles.most lets it grow")
+                return
+            toward = float(np.arctan2(way[1], way[0])) + angle
+            place = self._ground.end(tip.place, toward, length, arms(self.particles))
+            line, at = [place], tip.particle
+            while self.particles.step[at] > 0:
+                line.append(self.particles.place[at])
+                at = int(self.particles.parent[at])
+            line.append(self.particles.place[at])
+            points = np.array(line)
+            along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+            straight = np.hypot(*(points - place).T)
+            if bool(((along > BLURRED * self._horizon(tip)) & (straight < FOLDED * along)).any()):
+                self.add_warning_once(
+                    f"folds {tip.particle}",
+                    f"step {step}: a crack turns back on itself at {_at(tip.place)}, and stops there",
+                )
+                return
+            self.particles = grown(self.particles, place, tip.particle, step)
 
     def _cut(self, new: NDArray[np.float64], state: State, step: int) -> None:
         """Cut the bonds that cross new arms (k, 4)."""

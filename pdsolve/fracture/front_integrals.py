@@ -93,31 +93,7 @@ def front_integrals(
     at: FrontFieldSamples, front_place: FrontPlace, tube: Tube, solid: Elastic, faces: LoadedFaces | None = None
 ) -> FrontParameters:
     """J and stress intensities at a point of a front; `solid` is in plane strain, `faces` are under pressure."""
-    reach = np.hypot(tube.outer, tube.half + tube.outer)
-    near = np.flatnonzero(((at.position - front_place.place) ** 2).sum(axis=1) < reach**2)
-    x, y, s, far = across(at.position[near], front_place)
-    r = np.hypot(x, y)
-    inside = (r < tube.outer) & (r > AT_FRONT * tube.outer) & (np.abs(s) < tube.half)
-    inside &= np.isfinite(at.gradient[near]).all(axis=(1, 2))
-    rows, x, y, s, far, r = near[inside], x[inside], y[inside], s[inside], far[inside], r[inside]
-    f, falls = _step((r - tube.inner) / (tube.outer - tube.inner))
-    g, ends = _step(np.abs(s) / tube.half)
-    falls, ends = falls / (tube.outer - tube.inner), ends * np.sign(s) / tube.half
-    slope = np.column_stack([falls * x / r * g, falls * y / r * g, f * ends / far])
-    turn = np.einsum("nab,bc->nac", _turned(at.position[rows], front_place), front_place.frame)
-
-    def tensor(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(turn @ values[rows] @ turn.transpose(0, 2, 1))
-
-    def way(values: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.asarray(np.einsum("nab,nb->na", turn, values[rows]))
-
-    motion = at.motion
-    if motion is not None:
-        motion = SampledMotion(motion.density, way(motion.velocity), way(motion.acceleration), tensor(motion.rates))
-    gradient, strain, stress = (tensor(values) for values in (at.gradient, at.strain, at.stress))
-    sampled = FrontFieldSamples(at.position[rows], at.volume[rows], gradient, strain, stress, motion)
-    around = _Around(x + 1j * y, front_place.curvature / far, f * g, slope, sampled)
+    around = _around(at, front_place, tube)
     # J times the length of the front that q counts, J/m
     _, bend, q, slope, sampled = around
     H, s = sampled.gradient, sampled.stress
@@ -177,6 +153,34 @@ def across(
     far = np.hypot(1 + c * x, c * w)
     out = (2 * x + c * (x * x + w * w)) / (far + 1)
     return out, y, np.arctan2(c * w, 1 + c * x) / c, far
+
+
+def _around(at: FrontFieldSamples, front_place: FrontPlace, tube: Tube) -> _Around:
+    reach = np.hypot(tube.outer, tube.half + tube.outer)
+    near = np.flatnonzero(((at.position - front_place.place) ** 2).sum(axis=1) < reach**2)
+    x, y, s, far = across(at.position[near], front_place)
+    r = np.hypot(x, y)
+    inside = (r < tube.outer) & (r > AT_FRONT * tube.outer) & (np.abs(s) < tube.half)
+    inside &= np.isfinite(at.gradient[near]).all(axis=(1, 2))
+    rows, x, y, s, far, r = near[inside], x[inside], y[inside], s[inside], far[inside], r[inside]
+    f, falls = _step((r - tube.inner) / (tube.outer - tube.inner))
+    g, ends = _step(np.abs(s) / tube.half)
+    falls, ends = falls / (tube.outer - tube.inner), ends * np.sign(s) / tube.half
+    slope = np.column_stack([falls * x / r * g, falls * y / r * g, f * ends / far])
+    turn = np.einsum("nab,bc->nac", _turned(at.position[rows], front_place), front_place.frame)
+
+    def tensor(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(turn @ values[rows] @ turn.transpose(0, 2, 1))
+
+    def way(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.einsum("nab,nb->na", turn, values[rows]))
+
+    motion = at.motion
+    if motion is not None:
+        motion = SampledMotion(motion.density, way(motion.velocity), way(motion.acceleration), tensor(motion.rates))
+    gradient, strain, stress = (tensor(values) for values in (at.gradient, at.strain, at.stress))
+    sampled = FrontFieldSamples(at.position[rows], at.volume[rows], gradient, strain, stress, motion)
+    return _Around(x + 1j * y, front_place.curvature / far, f * g, slope, sampled)
 
 
 def _turned(position: NDArray[np.float64], front_place: FrontPlace) -> NDArray[np.float64]:

@@ -131,24 +131,7 @@ def hooke(
     modulus, nu, plane = elastic[:3]
     if elastic.C is not None:
         isotropic = hooke(strain, elastic._replace(C=None), free)
-        C11, C12, C13, C16, C22, C23, C26, C33, C36, C44, C45, C55, C66 = elastic.C.T
-        xx, yy, xy = strain.T[:3]
-        if strain.shape[1] == 6:
-            zz, xz, yz = strain.T[3:]
-        else:
-            zz = _thinning_of_plies(strain, elastic.C) if elastic.plane == "stress" else 0 * xx
-            xz = yz = 0 * xx
-        in_plane = (
-            C11 * xx + C12 * yy + C13 * zz + 2 * C16 * xy,
-            C12 * xx + C22 * yy + C23 * zz + 2 * C26 * xy,
-            C16 * xx + C26 * yy + C36 * zz + 2 * C66 * xy,
-            C13 * xx + C23 * yy + C33 * zz + 2 * C36 * xy,
-        )
-        if strain.shape[1] == 6:
-            ply_stress = np.column_stack([*in_plane, 2 * (C55 * xz + C45 * yz), 2 * (C45 * xz + C44 * yz)])
-        else:
-            ply_stress = np.column_stack(in_plane)
-        return np.where(np.isnan(elastic.C[:, :1]), isotropic, ply_stress)
+        return np.where(np.isnan(elastic.C[:, :1]), isotropic, _stress_of_plies(strain, elastic))
     within = (1 + nu) * free if plane == "strain" else free
     within = within + within**2 / 2  # Green's
     if strain.shape[1] == 6:
@@ -165,6 +148,27 @@ def hooke(
         sxx, syy = factor * ((1 - nu) * xx + nu * yy), factor * ((1 - nu) * yy + nu * xx)
     szz = out * (sxx + syy) - (0.0 if plane == "stress" else modulus * free)
     return np.column_stack([sxx, syy, modulus / (1 + nu) * xy, szz])
+
+
+def _stress_of_plies(strain: NDArray[np.float64], elastic: Stiffness) -> NDArray[np.float64]:
+    """The stress of `hooke` of orthotropic nodes."""
+    assert elastic.C is not None
+    C11, C12, C13, C16, C22, C23, C26, C33, C36, C44, C45, C55, C66 = elastic.C.T
+    xx, yy, xy = strain.T[:3]
+    if strain.shape[1] == 6:
+        zz, xz, yz = strain.T[3:]
+    else:
+        zz = _thinning_of_plies(strain, elastic.C) if elastic.plane == "stress" else 0 * xx
+        xz = yz = 0 * xx
+    in_plane = (
+        C11 * xx + C12 * yy + C13 * zz + 2 * C16 * xy,
+        C12 * xx + C22 * yy + C23 * zz + 2 * C26 * xy,
+        C16 * xx + C26 * yy + C36 * zz + 2 * C66 * xy,
+        C13 * xx + C23 * yy + C33 * zz + 2 * C36 * xy,
+    )
+    if strain.shape[1] == 6:
+        return np.column_stack([*in_plane, 2 * (C55 * xz + C45 * yz), 2 * (C45 * xz + C44 * yz)])
+    return np.column_stack(in_plane)
 
 
 def _thinning_of_plies(strain: NDArray[np.float64], C: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -205,11 +209,16 @@ def curved_gradients_of(
         x, weight = xi[bonds] / scale, area[neighbour[bonds]] / length[bonds]
         terms = np.column_stack([x, *(x[:, a] * x[:, b] for a, b in pairs_of(d))])
         eta = values[neighbour[bonds]] - values[source[bonds]]
-        factors = np.column_stack([terms, eta])
-        moments = np.empty((len(rows), terms.shape[1], factors.shape[1]))  # sums over bonds of a term and a factor
-        for a, b in np.ndindex(moments.shape[1:]):
-            moments[:, a, b] = np.bincount(at, weight * terms[:, a] * factors[:, b], len(rows))
-        moment_matrix, right = np.split(moments, [terms.shape[1]], axis=2)
+        moment_matrix, right = (_moments(at, weight, terms, factors, len(rows)) for factors in (terms, eta))
         good = np.linalg.cond(moment_matrix) < WORST
         gradients[rows[good]] = np.linalg.solve(moment_matrix[good], right[good])[:, :d].transpose(0, 2, 1) / scale
     return gradients
+
+
+def _moments(at: NDArray[np.int64], weight: Array, terms: Array, factors: Array, count: int) -> Array:
+    """Sums (count, t, o) over bonds of weight times a term (b, t) and another value (b, o)."""
+    sums = np.empty((count, terms.shape[1], factors.shape[1]))
+    for a, term in enumerate(terms.T):
+        for b, value in enumerate(factors.T):
+            sums[:, a, b] = np.bincount(at, weight * term * value, count)
+    return sums

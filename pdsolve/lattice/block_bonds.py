@@ -417,21 +417,7 @@ class Distinct:
             self._tolerance = max(self._tolerance, self._share * float(np.abs(values).max(initial=0.0)))
         number, is_known = self._look_up(values)
         if not is_known.all():
-            ordered = np.sort(values[~is_known])
-            within = 0.99 * self._tolerance
-            with np.errstate(invalid="ignore"):  # infinite less infinite
-                first = np.flatnonzero(np.append(True, np.diff(ordered) > within))
-                last = np.append(first[1:], len(ordered)) - 1
-                new = [ordered[first]]
-                for chain in np.flatnonzero(ordered[last] - ordered[first] > within):
-                    at, end = first[chain], last[chain] + 1
-                    while True:  # each is as near to the first of its group as the tolerance, not to the next one only
-                        at += np.searchsorted(ordered[at:end], ordered[at] + within, side="right")
-                        if at == end:
-                            break
-                        new.append(ordered[at : at + 1])
-            self.values = np.concatenate([self.values, *new])
-            self._order = np.argsort(self.values).astype(np.int32)
+            self._add(np.sort(values[~is_known]))
             number, is_known = self._look_up(values)
             assert is_known.all()
         return number
@@ -452,3 +438,19 @@ class Distinct:
         below = np.maximum(above - 1, 0)
         at = np.where(self._near(values, ordered[below]), below, above)
         return self._order[at], self._near(values, ordered[at])
+
+    def _add(self, ordered: NDArray[np.float64]) -> None:
+        within = 0.99 * self._tolerance
+        with np.errstate(invalid="ignore"):  # infinite less infinite
+            first = np.flatnonzero(np.append(True, np.diff(ordered) > within))
+            last = np.append(first[1:], len(ordered)) - 1
+            new = [ordered[first]]
+            for chain in np.flatnonzero(ordered[last] - ordered[first] > within):
+                at, end = first[chain], last[chain] + 1
+                while True:  # each is as near to the first of its group as the tolerance, not to the next one only
+                    at += np.searchsorted(ordered[at:end], ordered[at] + within, side="right")
+                    if at == end:
+                        break
+                    new.append(ordered[at : at + 1])
+        self.values = np.concatenate([self.values, *new])
+        self._order = np.argsort(self.values).astype(np.int32)

@@ -55,51 +55,7 @@ class FamiliesInTiles:
         self._sites, self._slot, self._threads = placed.sites, placed.slot, threads
         self._start = exact.start
         self.tiles, self.room = placed.sites.tiles, placed.sites.size
-        sites, slot, volume = placed
-        (x, y, z), count, reach = sites.sides, len(sites.ways), int(np.abs(sites.ways).max())
-        xi = sites.ways * sites.spacing
-        squared = (xi**2).sum(axis=1)
-        length = np.sqrt(squared)
-        vectors = np.column_stack([xi, 2 * xi / squared[:, None], 1 / squared, length, 1 / length])
-        site = sites.site.astype(np.int64) - sites.margin
-        source, bits = np.repeat(site, np.diff(exact.start)), np.zeros((sites.tiles, count), dtype=np.uint16)
-        np.bitwise_or.at(bits, (source // ROW, slot), np.uint16(1) << (source % ROW).astype(np.uint16))
-        size, beyond = np.zeros((1, sites.size)), reach * (y + 1)
-        size[0, sites.site] = volume
-        columns = tabled.columns[::2]
-        # The line of each row of sites, and the numbers (q, l k w) in lines; the first has no bonds
-        scale = np.array([np.abs(c[np.isfinite(c)]).max(initial=1e-300) for c in columns])[:, None, None]
-        lines, line_values = np.zeros(y * z, dtype=np.int32), [np.zeros((len(columns), count, x + 2 * ROW))]
-        numbers_by_digest: dict[bytes, list[int]] = {}
-        order = np.argsort(site, kind="stable")
-        ends = np.searchsorted(site[order], np.arange(z + 1) * x * y)
-        for plane in range(z):
-            nodes = order[ends[plane] : ends[plane + 1]]
-            many = exact.start[nodes + 1] - exact.start[nodes]
-            first = np.cumsum(many) - many
-            which = np.arange(many.sum()) + np.repeat(exact.start[nodes] - first, many)
-            row, along = np.divmod(np.repeat(site[nodes] - plane * x * y, many), x)
-            dense = np.zeros((len(columns), y, count, x + 2 * ROW))
-            for values, column in zip(dense, columns, strict=True):
-                values[row, slot[which], ROW + along] = column[which] / volume[exact.neighbour[which]]
-            for at in np.unique(row).tolist():
-                lines[plane * y + at] = _number(dense[:, at], scale, numbers_by_digest, line_values)
-        numbers = np.stack(line_values, axis=1).reshape(len(columns), -1)
-        self.bonds = FamilyTiles(
-            offsets=sites.steps.astype(np.int32),
-            rows=(sites.ways[:, 1:] @ np.array([1, y])).astype(np.int32),
-            ahead=sites.ways[:, 0].astype(np.int32),
-            vectors=vectors.astype(kind),
-            bits=bits,
-            lines=np.pad(lines, beyond),
-            numbers=aligned(numbers.astype(kind)),
-            volume=aligned(size.astype(kind)),
-            wide=x + 2 * ROW,
-            pad=ROW,
-            across=x // ROW,
-            margin=sites.margin,
-            beyond=beyond,
-        )
+        self.bonds = _tiles(placed, exact, tabled, kind)
         self._intact_bits = self.bonds.bits.copy()
 
     def places(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -145,6 +101,55 @@ def _add_rows(site, values, out, first, last):  # type: ignore[no-untyped-def]
     for i in range(first, last):
         for axis in range(len(values)):
             out[i, axis] += values[axis, site[i]]
+
+
+def _tiles(placed: Placed, bonds: Bonds, tabled: Tabled, kind: np.dtype[Any]) -> FamilyTiles:
+    """The tiles of bonds with these numbers, in a precision."""
+    sites, slot, volume = placed
+    (x, y, z), count, reach = sites.sides, len(sites.ways), int(np.abs(sites.ways).max())
+    xi = sites.ways * sites.spacing
+    squared = (xi**2).sum(axis=1)
+    length = np.sqrt(squared)
+    vectors = np.column_stack([xi, 2 * xi / squared[:, None], 1 / squared, length, 1 / length])
+    site = sites.site.astype(np.int64) - sites.margin
+    source, bits = np.repeat(site, np.diff(bonds.start)), np.zeros((sites.tiles, count), dtype=np.uint16)
+    np.bitwise_or.at(bits, (source // ROW, slot), np.uint16(1) << (source % ROW).astype(np.uint16))
+    size, beyond = np.zeros((1, sites.size)), reach * (y + 1)
+    size[0, sites.site] = volume
+    columns = tabled.columns[::2]
+    # The line of each row of sites, and the numbers (q, l k w) in lines; the first has no bonds
+    scale = np.array([np.abs(c[np.isfinite(c)]).max(initial=1e-300) for c in columns])[:, None, None]
+    lines, line_values = np.zeros(y * z, dtype=np.int32), [np.zeros((len(columns), count, x + 2 * ROW))]
+    numbers_by_digest: dict[bytes, list[int]] = {}
+    order = np.argsort(site, kind="stable")
+    ends = np.searchsorted(site[order], np.arange(z + 1) * x * y)
+    for plane in range(z):
+        nodes = order[ends[plane] : ends[plane + 1]]
+        many = bonds.start[nodes + 1] - bonds.start[nodes]
+        first = np.cumsum(many) - many
+        which = np.arange(many.sum()) + np.repeat(bonds.start[nodes] - first, many)
+        row, along = np.divmod(np.repeat(site[nodes] - plane * x * y, many), x)
+        dense = np.zeros((len(columns), y, count, x + 2 * ROW))
+        for values, column in zip(dense, columns, strict=True):
+            values[row, slot[which], ROW + along] = column[which] / volume[bonds.neighbour[which]]
+        for at in np.unique(row).tolist():
+            lines[plane * y + at] = _number(dense[:, at], scale, numbers_by_digest, line_values)
+    numbers = np.stack(line_values, axis=1).reshape(len(columns), -1)
+    return FamilyTiles(
+        offsets=sites.steps.astype(np.int32),
+        rows=(sites.ways[:, 1:] @ np.array([1, y])).astype(np.int32),
+        ahead=sites.ways[:, 0].astype(np.int32),
+        vectors=vectors.astype(kind),
+        bits=bits,
+        lines=np.pad(lines, beyond),
+        numbers=aligned(numbers.astype(kind)),
+        volume=aligned(size.astype(kind)),
+        wide=x + 2 * ROW,
+        pad=ROW,
+        across=x // ROW,
+        margin=sites.margin,
+        beyond=beyond,
+    )
 
 
 def _number(

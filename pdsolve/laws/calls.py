@@ -276,37 +276,41 @@ def functions_of(law: Law) -> dict[str, Function]:
         functions |= {} if part is None else vars(part)
     curve = law.pair or law.curve
     if curve is not None:
-        one_sided = curve.elastic_in_compression
-        functions |= {
-            "secant": curve.secant or (lambda law, stretch, worst, peak, limit: 1.0),
-            "matching_force": _match_work,
-            "force_over_stiffness": _force_if_stretched if one_sided else _force_by_secant,
-        }
-        if curve.is_curved:
-            functions["force_over_stiffness"] = lambda law, stretch, worst, peak, limit: (
-                stretch * secant(law, stretch, worst, peak, limit)
-            )
-        if curve.softening is None:
-            functions |= {
-                "bond_strain_energy": lambda law, c, stretch, worst, peak, limit: c * stretch * stretch,
-                "dissipated_energy": lambda law, c, worst, peak, limit: 0.0,
-                "total_dissipated_energy": lambda law, c, peak, limit: bond_strain_energy(
-                    law, c, limit, 0.0, peak, limit
-                ),
-                "softening_slope": lambda law, worst, peak, limit: 1.0,
-                "dissipated_at_break": lambda law, c, stretch, before, peak, limit: c * (stretch * before),
-            }
-            if curve.is_curved:
-                functions["dissipated_at_break"] = _dissipated_at_once
-        else:
-            functions |= vars(curve.softening)
-            functions["bond_strain_energy"] = _energy_by_secant_of_tension if one_sided else _energy_by_secant
-            functions["dissipated_at_break"] = _dissipated_softly
-        if curve.bond_strain_energy is not None:
-            functions["bond_strain_energy"] = curve.bond_strain_energy
+        functions |= _of_pair(curve)
     if law.lanes is not None:
         functions |= {"finish_sums": law.lanes.finish_sums, "margin": law.lanes.margin}
     return _DEFAULTS | {name: function for name, function in functions.items() if function is not None}
+
+
+def _of_pair(pair: Pair) -> dict[str, Function]:
+    """The functions of a pair law."""
+    one_sided = pair.elastic_in_compression
+    functions: dict[str, Function] = {
+        "secant": pair.secant or (lambda law, stretch, worst, peak, limit: 1.0),
+        "matching_force": _match_work,
+        "force_over_stiffness": _force_if_stretched if one_sided else _force_by_secant,
+    }
+    if pair.is_curved:
+        functions["force_over_stiffness"] = lambda law, stretch, worst, peak, limit: (
+            stretch * secant(law, stretch, worst, peak, limit)
+        )
+    if pair.softening is None:
+        functions |= {
+            "bond_strain_energy": lambda law, c, stretch, worst, peak, limit: c * stretch * stretch,
+            "dissipated_energy": lambda law, c, worst, peak, limit: 0.0,
+            "total_dissipated_energy": lambda law, c, peak, limit: bond_strain_energy(law, c, limit, 0.0, peak, limit),
+            "softening_slope": lambda law, worst, peak, limit: 1.0,
+            "dissipated_at_break": lambda law, c, stretch, before, peak, limit: c * (stretch * before),
+        }
+        if pair.is_curved:
+            functions["dissipated_at_break"] = _dissipated_at_once
+    else:
+        functions |= vars(pair.softening)
+        functions["bond_strain_energy"] = _energy_by_secant_of_tension if one_sided else _energy_by_secant
+        functions["dissipated_at_break"] = _dissipated_softly
+    if pair.bond_strain_energy is not None:
+        functions["bond_strain_energy"] = pair.bond_strain_energy
+    return functions
 
 
 def _accumulate_by_numbers(law, bond, now, m, i, j, k, f):  # type: ignore[no-untyped-def]

@@ -98,24 +98,7 @@ def columns(model: Model, bonds: Bonds) -> CorrespondenceColumns:
     )
     every, listed = np.arange(nodes), list_of(bonds)
     update_after_breakage(law, listed, every)
-    # q, times the horizon squared, of a straight face along an axis, but no more than the largest at the start
-    q = _stiffness(law, listed, left(listed, law.weight, law.broken, every), every)
-    sound = np.flatnonzero(law.share > 0)
-    if not len(sound):
-        stiffest = 0.0
-    else:
-        inner = sound[q[sound].argmin()]
-        bond_range = slice(listed.start[inner], listed.start[inner + 1])
-        xi = np.column_stack([x[bond_range] for x in listed.xi]).astype(float)
-        weight = law.weight[bond_range].astype(float)
-        faces = [0.0]
-        for side in (*np.eye(law.d), *-np.eye(law.d)):
-            half = weight * (xi @ side >= -ROUND * law.horizon[inner])
-            K = (half * xi.T) @ xi
-            if np.linalg.eigvalsh(K)[0] > FLAT * np.trace(K):
-                faces.append(stiffness_of(half[:, None] * xi @ np.linalg.inv(K)) * law.horizon[inner] ** 2)
-        stiffest = min(float(q[sound].max()), max(faces) or np.inf)
-    law.stiffest[0] = stiffest * (1 + ROUND)
+    law.stiffest[0] = _largest_stiffness(law, listed) * (1 + ROUND)
     return law
 
 
@@ -146,6 +129,25 @@ def update_after_breakage(law: CorrespondenceColumns, bonds: AnyList, rows: NDAr
         ) ** POWER
         share = np.where(torn, np.floor(share) if law.solid.history.shape[1] else share, 1.0)
         law.share[rows[sound]] = share[sound]
+
+
+def _largest_stiffness(law: CorrespondenceColumns, bonds: AnyList) -> float:
+    """q, times the horizon squared, of a straight face along an axis, but no more than the largest at the start."""
+    every = np.arange(len(law.share))
+    q = _stiffness(law, bonds, left(bonds, law.weight, law.broken, every), every)
+    sound = np.flatnonzero(law.share > 0)
+    if not len(sound):
+        return 0.0
+    inner = sound[q[sound].argmin()]
+    bond_range = slice(bonds.start[inner], bonds.start[inner + 1])
+    xi, weight = np.column_stack([x[bond_range] for x in bonds.xi]).astype(float), law.weight[bond_range].astype(float)
+    faces = [0.0]
+    for side in (*np.eye(law.d), *-np.eye(law.d)):
+        half = weight * (xi @ side >= -ROUND * law.horizon[inner])
+        K = (half * xi.T) @ xi
+        if np.linalg.eigvalsh(K)[0] > FLAT * np.trace(K):
+            faces.append(stiffness_of(half[:, None] * xi @ np.linalg.inv(K)) * law.horizon[inner] ** 2)
+    return min(float(q[sound].max()), max(faces) or np.inf)
 
 
 def stiffness_of(g: NDArray[np.float64]) -> float:

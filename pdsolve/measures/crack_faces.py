@@ -208,18 +208,7 @@ def mesh_faces_between_pairs(nodes: Nodes, pairs: NDArray[np.int64], opening_tim
     ends = np.zeros((2, len(stairs)), dtype=bool)
     for corner_mask, edge_mask in zip(ends, (inside[free], ~inside[free]), strict=True):
         corner_mask[edges[free][edge_mask]] = True
-    # smoothed; corners on free edges move with those on these alone
-    corners = stairs.copy()
-    corner_is_fixed = (around <= ON_EDGE) | ends.all(axis=0)
-    count, on = len(corners), np.zeros(len(corners), dtype=bool)
-    on[edges[free]] = True
-    corner, neighbour = np.concatenate([edges, edges[:, ::-1]]).T
-    used = ~on[corner] | np.concatenate([free, free])
-    graph = csr_array((np.ones(used.sum()), (corner[used], neighbour[used])), shape=(count, count))
-    mean = diags_array(1 / np.maximum(graph.sum(axis=1), 1)) @ graph
-    for _ in range(ROUNDS):
-        for share in (FORTH, BACK):
-            corners += np.where(corner_is_fixed, 0.0, share)[:, None] * (mean @ corners - corners)
+    corners = _smooth_corners(stairs, edges, free, (around <= ON_EDGE) | ends.all(axis=0))
     return CrackSurface(
         corners, faces, opening_time, quadrilateral_areas(corners[faces]), edges, sides.reshape(-1, 4), inside
     )
@@ -251,6 +240,27 @@ def _edges_are_inside_body(cubes: NodeCubes, edges: NDArray[np.float64]) -> NDAr
         place[row, (axis + 2) % 3] += v * far
         inside &= cubes.contain(place)
     return inside
+
+
+def _smooth_corners(
+    corners: NDArray[np.float64],
+    edges: NDArray[np.int64],
+    edge_is_free: NDArray[np.bool_],
+    corner_is_fixed: NDArray[np.bool_],
+) -> NDArray[np.float64]:
+    """The corners (p, 3) of stairs, smoothed; those on `edge_is_free` (e,) edges move with the corners on these
+    alone."""
+    count, on = len(corners), np.zeros(len(corners), dtype=bool)
+    on[edges[edge_is_free]] = True
+    corner, neighbour = np.concatenate([edges, edges[:, ::-1]]).T
+    used = ~on[corner] | np.concatenate([edge_is_free, edge_is_free])
+    graph = csr_array((np.ones(used.sum()), (corner[used], neighbour[used])), shape=(count, count))
+    mean = diags_array(1 / np.maximum(graph.sum(axis=1), 1)) @ graph
+    corners = corners.copy()
+    for _ in range(ROUNDS):
+        for share in (FORTH, BACK):
+            corners += np.where(corner_is_fixed, 0.0, share)[:, None] * (mean @ corners - corners)
+    return corners
 
 
 def quadrilateral_areas(faces: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -234,27 +234,39 @@ def sample_front_points(
         near_crack = cracks.surface_points[surface_tree.query_ball_point(point, WINDOW * horizon_ratio * spacing)]
         if min(len(near_front), len(near_crack)) < FEWEST_POINTS:
             continue
-        # the circle through the points of the front, in the plane of those and of the crack
-        normal = np.linalg.svd(np.concatenate([near_crack, near_front]) - point, full_matrices=False)[2][2]
-        normal *= np.sign(normal[np.abs(normal).argmax()] if before is None else normal @ before)
-        tangent = np.linalg.svd(near_front - near_front.mean(axis=0), full_matrices=False)[2][0]
-        tangent -= (tangent @ normal) * normal
-        tangent /= np.linalg.norm(tangent)
-        growth = np.cross(normal, tangent)
-        if growth @ (near_crack.mean(axis=0) - near_front.mean(axis=0)) > 0:
-            growth, tangent = -growth, -tangent
-        x, w = (near_front - point) @ growth, (near_front - point) @ tangent
-        unit = float(np.abs(w).max())
-        terms = np.column_stack([-(x * x + w * w) / (2 * unit**2), w / unit, np.ones(len(x))])
-        bend, slant, shift = np.linalg.lstsq(terms, x / unit, rcond=None)[0]
-        tangent = (tangent + slant * growth) / np.hypot(1.0, slant)
-        frame = np.array([np.cross(normal, tangent), normal, tangent])
-        place = FrontPlace(point + shift * unit * growth, frame, float(bend / unit))
+        place = _fit_arc(point, near_front, near_crack, before)
         before = place.frame[1]
         arc_lengths.append(s)
         places.append(place)
         spacings.append(spacing)
     return FrontPoints(np.array(arc_lengths), places, np.array(spacings))
+
+
+def _fit_arc(
+    point: NDArray[np.float64],
+    near_front: NDArray[np.float64],
+    near_crack: NDArray[np.float64],
+    last_normal: NDArray[np.float64] | None,
+) -> FrontPlace:
+    """The circle through points (k, 3) of a front, in the plane of those and of points (l, 3) of the crack.
+
+    The normal is on the side of the last one, that of the first along its longest component.
+    """
+    normal = np.linalg.svd(np.concatenate([near_crack, near_front]) - point, full_matrices=False)[2][2]
+    normal *= np.sign(normal[np.abs(normal).argmax()] if last_normal is None else normal @ last_normal)
+    tangent = np.linalg.svd(near_front - near_front.mean(axis=0), full_matrices=False)[2][0]
+    tangent -= (tangent @ normal) * normal
+    tangent /= np.linalg.norm(tangent)
+    growth = np.cross(normal, tangent)
+    if growth @ (near_crack.mean(axis=0) - near_front.mean(axis=0)) > 0:
+        growth, tangent = -growth, -tangent
+    x, w = (near_front - point) @ growth, (near_front - point) @ tangent
+    unit = float(np.abs(w).max())
+    terms = np.column_stack([-(x * x + w * w) / (2 * unit**2), w / unit, np.ones(len(x))])
+    bend, slant, shift = np.linalg.lstsq(terms, x / unit, rcond=None)[0]
+    tangent = (tangent + slant * growth) / np.hypot(1.0, slant)
+    frame = np.array([np.cross(normal, tangent), normal, tangent])
+    return FrontPlace(point + shift * unit * growth, frame, float(bend / unit))
 
 
 def _interpolate_points_along_line(

@@ -73,20 +73,7 @@ def label_cracked_nodes(results: Results, step: int, threshold: float | None = N
             for _, a, b in group
             if len(pair := {patches.find_representative(a), patches.find_representative(b)}) > 1
         }
-        # the parts of the graph of patches that touch
-        linked: dict[int, set[int]] = {}
-        for first, second in apart:
-            linked.setdefault(first, set()).add(second)
-            linked.setdefault(second, set()).add(first)
-        parts = []
-        while linked:
-            part, ahead = [], {min(linked)}
-            while ahead:
-                at = ahead.pop()
-                part.append(at)
-                ahead |= linked.pop(at) & linked.keys()
-            parts.append(sorted(part))
-        for together in parts:
+        for together in _connected_components_of_pairs(apart):
             root = patches.join_patches(together)
             if root is not None:
                 roots.append(root)
@@ -146,6 +133,23 @@ class _NodePatchUnionFind:
             return _CrackOrigin(first, nodes)
         self.roots[largest] = began
         return None
+
+
+def _connected_components_of_pairs(pairs: set[tuple[int, int]]) -> list[list[int]]:
+    """The parts of a small graph."""
+    linked: dict[int, set[int]] = {}
+    for first, second in pairs:
+        linked.setdefault(first, set()).add(second)
+        linked.setdefault(second, set()).add(first)
+    parts = []
+    while linked:
+        part, ahead = [], {min(linked)}
+        while ahead:
+            at = ahead.pop()
+            part.append(at)
+            ahead |= linked.pop(at) & linked.keys()
+        parts.append(sorted(part))
+    return parts
 
 
 def _label_nodes_by_first_arriving_crack(

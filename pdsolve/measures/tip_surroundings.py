@@ -91,30 +91,31 @@ def tip_histories(results: Results, step: int) -> list[TipHistory]:
         near = [k for k, (tip, _) in enumerate(starts) if np.hypot(*(tip - branch.points[0])) < BEGINS * spacing]
         carried |= set(near)
         start, heading = starts[near[0]] if near else (None, branch.direction[0])
-        arms = [other_branch for other_branch in branches if other_branch.begin_joint == branch.end_joint]
-        if not branch.is_of_particles:
-            met = any(
-                other_branch.end_joint == branch.end_joint for other_branch in branches if other_branch is not branch
-            )
-            last_time = float(branch.passing_time[-1]) if arms or met else np.inf
-        elif arms:
-            last_time = float(np.nextafter(arms[0].passing_time[0], 0))
-        else:
-            end = shapely.Point(branch.points[-1])
-            node_spacing = branch.node_spacing[-1]
-            shape = read_plate_geometry(results).plate_shape
-            arm_segments = (
-                np.stack([any_branch.points[:-1], any_branch.points[1:]], axis=1) for any_branch in branches
-            )
-            every = shapely.linestrings(np.concatenate([results.cracks().reshape(-1, 2, 2), *arm_segments]))
-            on_another = shapely.dwithin(every, end, TOUCHES * node_spacing).sum() > 1  # its own last arm is one
-            on_edge = not shapely.intersects(shape, end) or shape.boundary.distance(end) <= node_spacing / 2
-            last_time = float(np.nextafter(branch.passing_time[-1], 0)) if on_another or on_edge else np.inf
-        tip_fronts.append(TipHistory(f"branch {number}", number, start, heading, branch, last_time))
+        tip_fronts.append(
+            TipHistory(f"branch {number}", number, start, heading, branch, _last_time_of_tip(results, branch, branches))
+        )
     for k, (tip, heading) in enumerate(starts):
         if k not in carried:
             tip_fronts.append(TipHistory(f"pre-crack {k}", len(branches) + k, tip, heading, None, np.inf))
     return tip_fronts
+
+
+def _last_time_of_tip(results: Results, branch: CrackBranch, branches: Sequence[CrackBranch]) -> float:
+    """The last time, s, at which the tip of a branch existed."""
+    arms = [other_branch for other_branch in branches if other_branch.begin_joint == branch.end_joint]
+    if not branch.is_of_particles:
+        met = any(other_branch.end_joint == branch.end_joint for other_branch in branches if other_branch is not branch)
+        return float(branch.passing_time[-1]) if arms or met else np.inf
+    if arms:
+        return float(np.nextafter(arms[0].passing_time[0], 0))
+    end = shapely.Point(branch.points[-1])
+    spacing = branch.node_spacing[-1]
+    shape = read_plate_geometry(results).plate_shape
+    arm_segments = (np.stack([any_branch.points[:-1], any_branch.points[1:]], axis=1) for any_branch in branches)
+    every = shapely.linestrings(np.concatenate([results.cracks().reshape(-1, 2, 2), *arm_segments]))
+    on_another = shapely.dwithin(every, end, TOUCHES * spacing).sum() > 1  # its own last arm is one
+    on_edge = not shapely.intersects(shape, end) or shape.boundary.distance(end) <= spacing / 2
+    return float(np.nextafter(branch.passing_time[-1], 0)) if on_another or on_edge else np.inf
 
 
 def nearest_node_row(nodes: Nodes, place: NDArray[np.float64]) -> int:

@@ -256,32 +256,7 @@ class SofteningPathSteps(CorrectedPathSteps):
         self._bonds.kappa[:] = response.kappa
         state.value[:] = new.displacement
         self._go_to(new, after, state)
-        bonds, drive, factor = self._bonds, self._drive, self._last.load_factor
-        put_loads(drive, factor)
-        inner = bonds.forces(response) / self._area[:, None]
-        drive.held_force[:] = (inner + drive.force)[drive.holds.node, drive.holds.axis]
-        drive.before[:] = drive.force
-        old = self._operator.broken()
-        is_broken = np.isfinite(bonds.limit) & (bonds.kappa >= bonds.limit)
-        k = np.flatnonzero(is_broken)
-        source = np.concatenate([bonds.source[k], bonds.target[k]])
-        target = np.concatenate([bonds.target[k], bonds.source[k]])
-        was_broken = np.isin(source * len(self._area) + target, old.source * len(self._area) + old.target)
-        half = np.tile(bonds.dissipated_energy(bonds.kappa)[k], 2) / 2
-        is_new = ~was_broken
-        state.dissipated[:] += np.bincount(source[is_new], half[is_new] / self._area[source[is_new]], len(self._area))
-        broken = Broken(
-            np.concatenate([old.step, np.full(int(is_new.sum()), step)]),
-            np.concatenate([old.source, source[is_new]]),
-            np.concatenate([old.target, target[is_new]]),
-        )
-        soft = np.flatnonzero((bonds.kappa > 0) & ~is_broken)
-        worst = {
-            "worst": np.tile(bonds.kappa[soft], 2),
-            "worst_source": np.concatenate([bonds.source[soft], bonds.target[soft]]),
-            "worst_target": np.concatenate([bonds.target[soft], bonds.source[soft]]),
-        }
-        self._operator.restore(worst, broken)
+        self._store_history_and_reactions(state, step, response)
         self._record_step(step, iterations, residual, new.load_factor, after, new.energy_or_arc_length)
         message = (
             None if self._told else describe_crack_at_no_fail_bonds(self._model, self._bonds, self._last.displacement)
@@ -462,6 +437,35 @@ class SofteningPathSteps(CorrectedPathSteps):
             -self._bonds.forces(response),
             self._corrector.loads.loads_and_displacements_at(point.load_factor),
         )
+
+    def _store_history_and_reactions(self, state: State, step: int, response: Response) -> None:
+        """Store reactions and the history of bonds, and book the energy of those that are gone."""
+        bonds, drive, factor = self._bonds, self._drive, self._last.load_factor
+        put_loads(drive, factor)
+        inner = bonds.forces(response) / self._area[:, None]
+        drive.held_force[:] = (inner + drive.force)[drive.holds.node, drive.holds.axis]
+        drive.before[:] = drive.force
+        old = self._operator.broken()
+        is_broken = np.isfinite(bonds.limit) & (bonds.kappa >= bonds.limit)
+        k = np.flatnonzero(is_broken)
+        source = np.concatenate([bonds.source[k], bonds.target[k]])
+        target = np.concatenate([bonds.target[k], bonds.source[k]])
+        was_broken = np.isin(source * len(self._area) + target, old.source * len(self._area) + old.target)
+        half = np.tile(bonds.dissipated_energy(bonds.kappa)[k], 2) / 2
+        new = ~was_broken
+        state.dissipated[:] += np.bincount(source[new], half[new] / self._area[source[new]], len(self._area))
+        broken = Broken(
+            np.concatenate([old.step, np.full(int(new.sum()), step)]),
+            np.concatenate([old.source, source[new]]),
+            np.concatenate([old.target, target[new]]),
+        )
+        soft = np.flatnonzero((bonds.kappa > 0) & ~is_broken)
+        worst = {
+            "worst": np.tile(bonds.kappa[soft], 2),
+            "worst_source": np.concatenate([bonds.source[soft], bonds.target[soft]]),
+            "worst_target": np.concatenate([bonds.target[soft], bonds.source[soft]]),
+        }
+        self._operator.restore(worst, broken)
 
 
 CRACKED = 5.0  # peaks: a stretch of bonds that a crack has gone through

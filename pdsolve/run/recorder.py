@@ -511,21 +511,7 @@ def send_frame_to_rank_0(team: Team, request: FrameRequest) -> RankFrame:
         subdomain.file.write_frame(request.step, request.step * system.time_step, local_fields, local_arrays)
         fields = {name: [] for name in fields}
         checkpoint = {HELD_FORCE: checkpoint[HELD_FORCE]} if checkpoint else {}
-    columns = [piece for pieces in (*fields.values(), *checkpoint.values()) for piece in pieces]
-    if team.rank == 0:  # which has its own
-        subdomain.sending = PendingMessages([], columns)
-    else:
-        from mpi4py import MPI
-
-        if subdomain.sending is not None:  # those before must have arrived
-            MPI.Request.Waitall(subdomain.sending.mpi_requests)
-        flat = [np.ascontiguousarray(values).reshape(-1).view(np.uint8) for values in columns]
-        requests = [
-            team.comm.Isend(array[at : at + MESSAGE_BYTES], 0, FRAME)
-            for array in flat
-            for at in range(0, len(array), MESSAGE_BYTES)
-        ]
-        subdomain.sending = PendingMessages(requests, flat)
+    _send_arrays_to_rank_0(team, [piece for pieces in (*fields.values(), *checkpoint.values()) for piece in pieces])
     new = known.broken_bonds.after(request.after_step) if known is not None else subdomain.broken(request.after_step)
     ids, begin = system.model.grid.ids, subdomain.begin
     breaks = np.array([new.step, new.source + begin, new.target + begin, ids[new.source], ids[new.target]])
@@ -543,6 +529,25 @@ def _describe(team: Team, columns: Mapping[str, Columns]) -> dict[str, list[Arra
         ]
         for name, pieces in columns.items()
     }
+
+
+def _send_arrays_to_rank_0(team: Team, columns: Columns) -> None:
+    """Send columns to rank 0, when those before have arrived; rank 0 keeps its own."""
+    subdomain: Subdomain = team.subdomain
+    if team.rank == 0:
+        subdomain.sending = PendingMessages([], columns)
+        return
+    from mpi4py import MPI
+
+    if subdomain.sending is not None:
+        MPI.Request.Waitall(subdomain.sending.mpi_requests)
+    flat = [np.ascontiguousarray(values).reshape(-1).view(np.uint8) for values in columns]
+    requests = [
+        team.comm.Isend(array[at : at + MESSAGE_BYTES], 0, FRAME)
+        for array in flat
+        for at in range(0, len(array), MESSAGE_BYTES)
+    ]
+    subdomain.sending = PendingMessages(requests, flat)
 
 
 def _receive_columns(

@@ -84,22 +84,7 @@ def open_runs(
         if force:
             if workers.scheduler is not None:
                 expect_scheduler(workers.scheduler)
-            runs = run_folder(output)
-            if runs.is_symlink():
-                raise StudyError(f"{runs} is a link; remove its runs where it leads to")
-            if output.exists() and output.stat().st_size:
-                with Table.open(output) as table:
-                    rows, digest = table.rows(), table.about().get("drawing_sha256", "")
-                files = own_runs(output, runs, rows, digest)
-            elif kept(runs, study):
-                raise StudyError(
-                    f"{runs} has runs without the table that names them; remove the folder to solve them anew, or go on"
-                    " with them without --force"
-                )
-            else:
-                files = []
-            for file in [*files, output]:
-                remove(file, of_ranks=False)
+            _clear(study, output)
         if not output.exists():
             kept(run_folder(output), study)
         with Table.create(output, study, f"pdsolve {VERSION}") as table:
@@ -166,6 +151,29 @@ class StudyRuns:
 def _report_progress(watch: Callable[[StudyProgress], None] | None, progress: StudyProgress) -> None:
     if watch is not None:
         watch(progress)
+
+
+def _clear(study: Study, output: Path) -> None:
+    """Remove a table and the runs that it names, after all checks.
+
+    Raises StudyError if it is no study's table, or if anything else is in the folder of its runs; BusyError.
+    """
+    runs = run_folder(output)
+    if runs.is_symlink():
+        raise StudyError(f"{runs} is a link; remove its runs where it leads to")
+    if output.exists() and output.stat().st_size:
+        with Table.open(output) as table:
+            rows, digest = table.rows(), table.about().get("drawing_sha256", "")
+        files = own_runs(output, runs, rows, digest)
+    elif kept(runs, study):
+        raise StudyError(
+            f"{runs} has runs without the table that names them; remove the folder to solve them anew, or go on"
+            " with them without --force"
+        )
+    else:
+        files = []
+    for file in [*files, output]:
+        remove(file, of_ranks=False)
 
 
 def _describe_parameters(study: Study, trust: bool) -> dict[str, tuple[str, str]]:

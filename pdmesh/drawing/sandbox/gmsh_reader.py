@@ -103,24 +103,7 @@ def _open(gmsh: Any, job: dict[str, Any], gmsh_output: dict[str, Any]) -> None:
         gmsh_output["supplied"] = [name for name, _, _ in assignments if name not in drawing_names]
         for reset in (gmsh.onelab.clear, gmsh.parser.clear, gmsh.clear):
             reset()
-        wrong = []
-        entries = {entry["name"]: entry for entry in gmsh_output["parameters"]}
-        drawn = entries.get(f"{PREFIX}Units", {"values": ["m"]})["values"][0] or "m"
-        lengths = {name: text for name, text, _ in assignments}.get(f"{PREFIX}Units") or drawn
-        for name, text, unit in assignments:
-            entry = entries.get(name, {"type": None})
-            unit = unit or entry.get("attributes", {}).get("Units", "")
-            if entry["type"] == "string":
-                gmsh.onelab.setString(name, [text])
-                continue
-            try:
-                gmsh.onelab.setNumber(name, [number_in(text, lengths if unit in ("m", drawn) else unit)])
-            except ValueError as error:
-                if entry["type"] == "number":
-                    wrong.append([name, text, str(error)])
-                else:
-                    gmsh.onelab.setString(name, [text])
-        gmsh_output["not numbers"] = wrong
+        gmsh_output["not numbers"] = _assign(gmsh, gmsh_output["parameters"], assignments)
         gmsh.open(path)
         gmsh_output["parameters"] = _parameters_of(gmsh)
     dimension = dimension_of(gmsh)
@@ -174,6 +157,33 @@ def _parameters_of(gmsh: Any) -> list[dict[str, Any]]:
     for entry in entries:  # an entry without a value has none here
         entry["values"] = list(gmsh.onelab.getNumber(entry["name"])) or list(gmsh.onelab.getString(entry["name"]))
     return [entry for entry in entries if entry["values"]]
+
+
+def _assign(gmsh: Any, drawing_parameters: list[dict[str, Any]], assignments: list[list[str]]) -> list[list[str]]:
+    """Set parameters, including those that the drawing does not define; returns those that should be numbers and
+    are not, and what to use.
+
+    Numbers with a unit are converted to that of the parameter: for lengths that of the drawing, for the drawing's own
+    numbers the one it declares.
+    """
+    wrong = []
+    entries = {entry["name"]: entry for entry in drawing_parameters}
+    drawn = entries.get(f"{PREFIX}Units", {"values": ["m"]})["values"][0] or "m"
+    lengths = {name: text for name, text, _ in assignments}.get(f"{PREFIX}Units") or drawn
+    for name, text, unit in assignments:
+        entry = entries.get(name, {"type": None})
+        unit = unit or entry.get("attributes", {}).get("Units", "")
+        if entry["type"] == "string":
+            gmsh.onelab.setString(name, [text])
+            continue
+        try:
+            gmsh.onelab.setNumber(name, [number_in(text, lengths if unit in ("m", drawn) else unit)])
+        except ValueError as error:
+            if entry["type"] == "number":
+                wrong.append([name, text, str(error)])
+            else:
+                gmsh.onelab.setString(name, [text])
+    return wrong
 
 
 # ---- curves

@@ -232,6 +232,24 @@ class CollocationEngine:
         if not np.isin(coarse, self.zone.active_coarse_places).all():
             raise CheckpointError("coarse nodes are none at the start; they must be some of those")
         is_active[coarse] = True
+        self._restore_breaks(checkpoint)
+        self.set_active_coarse_nodes(is_active)
+        places, drive, zone = self.active_places, self.drive, self.zone
+        if not np.array_equal(entry(checkpoint, "places", places.shape, np.int64), places):
+            raise CheckpointError("places are not those of active nodes")
+        for name, field in self._motion_fields_of_checkpoint.items():
+            field[...] = 0.0
+            field[..., places] = entry(checkpoint, name, (*field.shape[:-1], len(places)), float)
+        counts = ZoneCounts.of(like(checkpoint, "number", zone.counts.values()))
+        totals = EnergyTotals.of(like(checkpoint, "total", zone.totals.values()))
+        if counts.broken_bonds != zone.counts.broken_bonds or (counts.values() < 0).any():
+            raise CheckpointError(f"'number' has {counts.broken_bonds} broken bonds; {zone.counts.broken_bonds} broke")
+        drive.held_speed[:] = like(checkpoint, "held_speed", drive.held_speed)
+        drive.held_force[:] = like(checkpoint, "drive_force", drive.held_force)
+        self.zone = zone._replace(totals=totals, counts=counts)
+
+    def _restore_breaks(self, checkpoint: CheckpointArrays) -> None:
+        """Break the bonds that a checkpoint has. Raises CheckpointError unless each was there, and breaks once."""
         plate, zone, ways = self.plate, self.zone, self.lattice.neighbour_offsets
         half, step = len(ways) // 2, entry(checkpoint, "break_step", (None,), np.int32, 1)
         node, number = (
@@ -252,20 +270,6 @@ class CollocationEngine:
         for name, values in breaks._asdict().items():
             getattr(self.zone.break_events, name)[: len(node)] = values
         zone.counts.broken_bonds = len(node)
-        self.set_active_coarse_nodes(is_active)
-        places, drive, zone = self.active_places, self.drive, self.zone
-        if not np.array_equal(entry(checkpoint, "places", places.shape, np.int64), places):
-            raise CheckpointError("places are not those of active nodes")
-        for name, field in self._motion_fields_of_checkpoint.items():
-            field[...] = 0.0
-            field[..., places] = entry(checkpoint, name, (*field.shape[:-1], len(places)), float)
-        counts = ZoneCounts.of(like(checkpoint, "number", zone.counts.values()))
-        totals = EnergyTotals.of(like(checkpoint, "total", zone.totals.values()))
-        if counts.broken_bonds != zone.counts.broken_bonds or (counts.values() < 0).any():
-            raise CheckpointError(f"'number' has {counts.broken_bonds} broken bonds; {zone.counts.broken_bonds} broke")
-        drive.held_speed[:] = like(checkpoint, "held_speed", drive.held_speed)
-        drive.held_force[:] = like(checkpoint, "drive_force", drive.held_force)
-        self.zone = zone._replace(totals=totals, counts=counts)
 
     def bytes(self) -> int:
         """Memory of all arrays, bytes; untouched parts take none in practice."""

@@ -183,24 +183,7 @@ def create_hybrid_plate(model: Model) -> HybridPlate:
     grid, h = model.grid, float(model.grid.delta[0])
     if isinstance(grid, WholeLattice):
         return _create_rectangular_plate(model, grid.lattice)
-    origin = _origin_of_cell_lattice(model, h, grid.position.min(axis=0))
-    steps = (grid.position - origin) / h
-    column, row = np.round(steps).astype(np.int64).T
-    if np.abs(steps - np.column_stack([column, row])).max() > OFF:
-        raise create_unsupported_error(model, "$.nodes", "on no lattice", "those that pdmesh build makes of a drawing")
-    nx, ny = (max(4, int(side.max()) + int(side.max()) % 2) for side in (column, row))
-    numbering = create_plate_numbering(nx, ny)
-    cracks = (grid.cracks - np.tile(origin, 2)) / h
-    check_no_precrack_on_node(model, cracks, nx, ny)
-    place = place_number_at(numbering.fine, (column, row))
-    rows = np.full(numbering.fine.place_count, -1, dtype=np.int32)
-    rows[place] = np.arange(len(place))
-    if grid.areas is not None:
-        areas = grid.areas / h**2
-    else:  # a quarter of each adjacent square between nodes
-        areas = count_full_cubes_around_nodes((rows >= 0).reshape(numbering.fine.shape)).ravel()[place] / 4
-    listed = GridAndLatticeRows(place, rows, areas)
-    return HybridPlate(model, numbering, h, origin, cracks, (0, 0), (nx + 1, ny + 1), listed)
+    return _create_listed_plate(model, h, grid.position.min(axis=0))
 
 
 def _origin_of_cell_lattice(model: Model, h: float, origin: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -223,6 +206,27 @@ def _create_rectangular_plate(model: Model, lattice: Nodes) -> HybridPlate:
     return HybridPlate(model, numbering, h, origin, cracks, (x, y), (lattice.columns, lattice.rows), None)
 
 
+def _create_listed_plate(model: Model, h: float, origin: NDArray[np.float64]) -> HybridPlate:
+    grid, origin = model.grid, _origin_of_cell_lattice(model, h, origin)
+    steps = (grid.position - origin) / h
+    column, row = np.round(steps).astype(np.int64).T
+    if np.abs(steps - np.column_stack([column, row])).max() > OFF:
+        raise create_unsupported_error(model, "$.nodes", "on no lattice", "those that pdmesh build makes of a drawing")
+    nx, ny = (max(4, int(side.max()) + int(side.max()) % 2) for side in (column, row))
+    numbering = create_plate_numbering(nx, ny)
+    cracks = (grid.cracks - np.tile(origin, 2)) / h
+    check_no_precrack_on_node(model, cracks, nx, ny)
+    place = place_number_at(numbering.fine, (column, row))
+    rows = np.full(numbering.fine.place_count, -1, dtype=np.int32)
+    rows[place] = np.arange(len(place))
+    if grid.areas is not None:
+        areas = grid.areas / h**2
+    else:  # a quarter of each adjacent square between nodes
+        areas = count_full_cubes_around_nodes((rows >= 0).reshape(numbering.fine.shape)).ravel()[place] / 4
+    listed = GridAndLatticeRows(place, rows, areas)
+    return HybridPlate(model, numbering, h, origin, cracks, (0, 0), (nx + 1, ny + 1), listed)
+
+
 def initial_cell_kinds(
     plate: HybridPlate, reach: int, steep_content_rows: NDArray[np.int64] | None = None
 ) -> NDArray[np.uint8]:
@@ -233,15 +237,7 @@ def initial_cell_kinds(
     An edge along a line between cells cuts none, except at re-entrant corners.
     """
     numbering = plate.numbering
-    # cells with some of the plate, and those that are whole
-    in_plate, good = np.zeros((2, *numbering.cells.counts[::-1]), dtype=bool)
-    for low, high in split_rows_into_ranges(len(in_plate), numbering.fine.strides[1]):  # of cells
-        first = BELOW + 2 * low - 1
-        last = first + 2 * (high - low) + 3
-        has_node, areas = plate.mask_nodes_in_lattice_rows(first, last), plate.area_shares_in_lattice_rows(first, last)
-        in_plate[low:high], good[low:high] = mask_occupied_and_uncut_cells(
-            has_node, areas, (1, LEFT), in_plate[low:high].shape
-        )
+    in_plate, good = _mask_occupied_and_uncut_plate_cells(plate)
     cells = np.where(in_plate, np.uint8(FINE), np.uint8(VOID))
     cells[good] = COARSE
     cut = in_plate & ~good
@@ -263,6 +259,20 @@ def initial_cell_kinds(
         away_x, away_y = (np.maximum(np.abs(tip - 2 * cell - 1) - 1, 0) for tip, cell in ((tip_x, x), (tip_y, y)))
         near_tip[(np.hypot(away_x, away_y) < TIPS) & (near_tip == COARSE)] = FINE
     return cells.ravel()
+
+
+def _mask_occupied_and_uncut_plate_cells(plate: HybridPlate) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Masks (rows, columns) of the cells with some of the plate, and of those that are whole."""
+    numbering = plate.numbering
+    in_plate, is_whole = np.zeros((2, *numbering.cells.counts[::-1]), dtype=bool)
+    for low, high in split_rows_into_ranges(len(in_plate), numbering.fine.strides[1]):  # of cells
+        first = BELOW + 2 * low - 1
+        last = first + 2 * (high - low) + 3
+        has_node, areas = plate.mask_nodes_in_lattice_rows(first, last), plate.area_shares_in_lattice_rows(first, last)
+        in_plate[low:high], is_whole[low:high] = mask_occupied_and_uncut_cells(
+            has_node, areas, (1, LEFT), in_plate[low:high].shape
+        )
+    return in_plate, is_whole
 
 
 def count_node_squares_in_cells(plate: HybridPlate) -> NDArray[np.uint8]:

@@ -6,7 +6,7 @@ rectangle that lie in the same way to all edges and pre-cracks that are near sha
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -57,33 +57,7 @@ def compute_irregular_bonds(plate: HybridPlate, springs: tuple[Springs, ...]) ->
         return irregular_bonds
     numbers = np.flatnonzero(wanted)
     parts = _create_representative_bonds_in_chunks(model_of_rows(plate.model, sorted_rows), numbers, first, which)
-    numbers = numbers[first]
-    margin = reach + 1
-    number = np.full((2 * margin + 1, 2 * margin + 1), -1)
-    number[springs[0].family_dy + margin, springs[0].family_dx + margin] = np.arange(len(springs[0].family_dx))
-    full = np.array([material_springs.spring_table[:, 5] for material_springs in springs])
-    material, area = plate.model.material_of, plate.area_shares_of_grid_rows(sorted_rows) * plate.spacing**2
-    number_by_limits: dict[bytes, int] = {}
-    for chunk, part in parts:
-        bonds, slot = part.bonds, np.searchsorted(numbers, chunk)
-        at = np.repeat(np.arange(len(chunk)), np.diff(bonds.start))
-        source, xi = chunk[at], bonds.xi
-        step = np.round(xi / plate.spacing).astype(np.int64)
-        k, row = number[step[:, 1] + margin, step[:, 0] + margin], sorted_rows[source]
-        stiffness = bonds.stiffness * area[source] / np.hypot(*xi.T)
-        usual = full[material[row], k]
-        irregular_bonds.stiffness[slot[at], k] = np.where(
-            np.abs(stiffness - usual) < ROUND_OFF * usual, usual, stiffness
-        )
-        limits = np.zeros((len(chunk), 2, full.shape[1]))
-        limits[at, 0, k], limits[at, 1, k] = (
-            double_green_strain_from_stretch(bonds.peak),
-            double_green_strain_from_stretch(bonds.limit),
-        )
-        irregular_bonds.limit_row_of_bond_row[slot] = _number_distinct_limits(limits, number_by_limits)
-        irregular_bonds.family_size[slot] = part.family[chunk - part.first]
-        irregular_bonds.stiffness_bound[slot] = stiffness_bound(bonds, bonds.stiffness, True)
-    limits = np.frombuffer(b"".join(number_by_limits)).reshape(-1, 2, full.shape[1])
+    limits = _store_irregular_bonds(plate, parts, sorted_rows, numbers[first], springs, irregular_bonds)
     return irregular_bonds._replace(peak_strain=limits[:, 0].copy(), limit_strain=limits[:, 1].copy())
 
 
@@ -154,6 +128,44 @@ def _create_representative_bonds_in_chunks(
     for number, chunk in enumerate(chunks):
         paired, chunk_pairs[number] = chunk_pairs[number] or rule.looked(rule.neighbours.pairs(chunk)), None
         yield chunk, rule.part(chunk, paired, lack)
+
+
+def _store_irregular_bonds(
+    plate: HybridPlate,
+    parts: Iterable[tuple[NDArray[np.int64], Part]],
+    sorted_rows: NDArray[np.int64],
+    numbers: NDArray[np.int64],
+    springs: tuple[Springs, ...],
+    irregular_bonds: IrregularBonds,
+) -> NDArray[np.float64]:
+    """Store in `irregular_bonds` the bonds that a scheme makes of part of the plate; `sorted_rows` are its rows, of
+    which those with the numbers `numbers` are. Returns their different peaks and limits (j, 2, k)."""
+    reach = int(np.abs(springs[0].family_dx).max()) + 1
+    number = np.full((2 * reach + 1, 2 * reach + 1), -1)
+    number[springs[0].family_dy + reach, springs[0].family_dx + reach] = np.arange(len(springs[0].family_dx))
+    full = np.array([material_springs.spring_table[:, 5] for material_springs in springs])
+    material, area = plate.model.material_of, plate.area_shares_of_grid_rows(sorted_rows) * plate.spacing**2
+    number_by_limits: dict[bytes, int] = {}
+    for chunk, part in parts:
+        bonds, slot = part.bonds, np.searchsorted(numbers, chunk)
+        at = np.repeat(np.arange(len(chunk)), np.diff(bonds.start))
+        source, xi = chunk[at], bonds.xi
+        step = np.round(xi / plate.spacing).astype(np.int64)
+        k, row = number[step[:, 1] + reach, step[:, 0] + reach], sorted_rows[source]
+        stiffness = bonds.stiffness * area[source] / np.hypot(*xi.T)
+        usual = full[material[row], k]
+        irregular_bonds.stiffness[slot[at], k] = np.where(
+            np.abs(stiffness - usual) < ROUND_OFF * usual, usual, stiffness
+        )
+        limits = np.zeros((len(chunk), 2, full.shape[1]))
+        limits[at, 0, k], limits[at, 1, k] = (
+            double_green_strain_from_stretch(bonds.peak),
+            double_green_strain_from_stretch(bonds.limit),
+        )
+        irregular_bonds.limit_row_of_bond_row[slot] = _number_distinct_limits(limits, number_by_limits)
+        irregular_bonds.family_size[slot] = part.family[chunk - part.first]
+        irregular_bonds.stiffness_bound[slot] = stiffness_bound(bonds, bonds.stiffness, True)
+    return np.frombuffer(b"".join(number_by_limits)).reshape(-1, 2, full.shape[1])
 
 
 def _number_distinct_limits(limits: NDArray[np.float64], number_by_limits: dict[bytes, int]) -> NDArray[np.int64]:

@@ -71,26 +71,7 @@ def create_quadtree(model: Model) -> Quadtree:
     """The cells of a model. Raises ModelError, in one sentence, for an unsupported model."""
     check_one_spacing(model)
     tree = Quadtree(replace_boxes_by_node_ids(model))
-    cracks = tree.model.grid.cracks.reshape(-1, 2, 2)
-    if len(cracks):
-        import shapely
-
-        lines, cells = shapely.linestrings(cracks), tree.roots()
-        for _ in range(tree.levels):
-            cells = cells.quarters()
-            near = shapely.dwithin(shapely.points(tree.centres(cells)), shapely.multilinestrings(cracks), tree.spacing)
-            cells = tree.select_cells_with_area(cells.select(near))
-            place = shapely.points(tree.centres(cells))
-            for number, line in enumerate(lines):
-                hit = shapely.dwithin(place, line, ON * tree.spacing)
-                if hit.any():
-                    x, y = tree.centres(cells.select(hit))[0]
-                    raise create_unsupported_error(
-                        tree.model,
-                        f"$.notch[{number}]",
-                        f"at ({x:.6g}, {y:.6g}) m, where splitting makes a node",
-                        "a place between all nodes, as in the middle between two rows",
-                    )
+    _raise_if_precrack_meets_splittable_node(tree)
     return tree
 
 
@@ -108,3 +89,28 @@ def replace_boxes_by_node_ids(model: Model) -> Model:
     conditions, regions = (tuple(map(replace_box_by_ids, every)) for every in (settings.conditions, settings.regions))
     settings = msgspec.structs.replace(settings, conditions=conditions, regions=regions)
     return Model(model.grid, settings, model.name)
+
+
+def _raise_if_precrack_meets_splittable_node(tree: Quadtree) -> None:
+    """Raise ModelError if a pre-crack passes through a node that splitting could create."""
+    cracks = tree.model.grid.cracks.reshape(-1, 2, 2)
+    if not len(cracks):
+        return
+    import shapely
+
+    lines, cells = shapely.linestrings(cracks), tree.roots()
+    for _ in range(tree.levels):
+        cells = cells.quarters()
+        near = shapely.dwithin(shapely.points(tree.centres(cells)), shapely.multilinestrings(cracks), tree.spacing)
+        cells = tree.select_cells_with_area(cells.select(near))
+        place = shapely.points(tree.centres(cells))
+        for number, line in enumerate(lines):
+            hit = shapely.dwithin(place, line, ON * tree.spacing)
+            if hit.any():
+                x, y = tree.centres(cells.select(hit))[0]
+                raise create_unsupported_error(
+                    tree.model,
+                    f"$.notch[{number}]",
+                    f"at ({x:.6g}, {y:.6g}) m, where splitting makes a node",
+                    "a place between all nodes, as in the middle between two rows",
+                )

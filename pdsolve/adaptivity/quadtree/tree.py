@@ -65,30 +65,7 @@ class Quadtree:
         self.pinned = mask_nodes_with_conditions(model)  # which stay whole
         self._by_id = np.argsort(grid.ids)
         self._first = int(grid.ids.max()) + 1
-        # of nodes with less than a full cell, what their parts have of it, by level
-        is_full = np.abs(self.area / self.spacing**2 - 1) < WHOLE
-        odd, plate = np.flatnonzero(~is_full), plate_of(grid, self.model.name)
-        if plate is None or not len(odd):
-            self._shares = {}
-        else:
-            import shapely
-
-            number = np.full(self.count, -1)
-            number[odd] = np.arange(len(odd))
-            cells, before, shares = self.roots().select(odd), np.ones(len(odd)), {}
-            around = plate.buffer(WHOLE * self.spacing, join_style="mitre")
-            shapely.prepare(around)
-            for level in range(1, self.levels + 1):
-                cells = cells.quarters()
-                middle, half = self.centres(cells), self.spacing / 2 ** (level + 1)
-                squares = shapely.box(*(middle - half).T, *(middle + half).T)
-                inside = shapely.contains_xy(around, middle)
-                part = np.where(inside, shapely.area(shapely.intersection(squares, plate)), 0.0).reshape(-1, 4)
-                total = part.sum(axis=1, keepdims=True)
-                part = part / np.where(total > 0, total, 1.0)
-                before = (before[:, None] * part).ravel()
-                shares[level] = number, before.reshape(len(odd), -1)
-            self._shares = shares
+        self._shares = self._area_shares_of_cut_roots()
 
     def roots(self) -> QuadtreeCells:
         """The cells of the model's own nodes."""
@@ -161,6 +138,33 @@ class Quadtree:
             odd = np.flatnonzero((cells.level == level) & (number[cells.root_row] >= 0))
             area[odd] = self.area[cells.root_row[odd]] * share[number[cells.root_row[odd]], cells.path[odd]]
         return area
+
+    def _area_shares_of_cut_roots(self) -> dict[int, tuple[NDArray[np.int64], NDArray[np.float64]]]:
+        """For each level, the roots cut by an edge: their index (roots,), -1 for others, and area shares (odd,
+        4^level)."""
+        grid = self.model.grid
+        is_full = np.abs(self.area / self.spacing**2 - 1) < WHOLE
+        odd, plate = np.flatnonzero(~is_full), plate_of(grid, self.model.name)
+        if plate is None or not len(odd):
+            return {}
+        import shapely
+
+        number = np.full(self.count, -1)
+        number[odd] = np.arange(len(odd))
+        cells, before, shares = self.roots().select(odd), np.ones(len(odd)), {}
+        around = plate.buffer(WHOLE * self.spacing, join_style="mitre")
+        shapely.prepare(around)
+        for level in range(1, self.levels + 1):
+            cells = cells.quarters()
+            middle, half = self.centres(cells), self.spacing / 2 ** (level + 1)
+            squares = shapely.box(*(middle - half).T, *(middle + half).T)
+            inside = shapely.contains_xy(around, middle)
+            part = np.where(inside, shapely.area(shapely.intersection(squares, plate)), 0.0).reshape(-1, 4)
+            total = part.sum(axis=1, keepdims=True)
+            part = part / np.where(total > 0, total, 1.0)
+            before = (before[:, None] * part).ravel()
+            shares[level] = number, before.reshape(len(odd), -1)
+        return shares
 
     def select_cells_with_area(self, cells: QuadtreeCells) -> QuadtreeCells:
         """The cells with a share of the plate."""

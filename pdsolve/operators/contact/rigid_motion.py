@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pdmesh.model.mechanical_conditions import RigidBody
 from pdmesh.model.rigid_bodies import rigid_bodies, spin_of, wide
 from pdsolve.checkpoint_validation import entry
 from pdsolve.conditions import Drive, Driving, factor_now
@@ -65,20 +66,9 @@ class RigidMotion:
             number for number, condition in enumerate(model.settings.conditions) if isinstance(condition, Driving)
         ]
         body_entries = rigid_bodies(model.grid, model.settings)
-        self.bodies: list[Body] = []
-        for body, rows, number in body_entries:
-            rho, cell = model.rho[rows], volume[rows]
-            mass = rho * cell
-            x = model.grid.position[rows]
-            centre = mass @ x / mass.sum()
-            arm = wide(x - centre)
-            inertia = np.eye(3) * (mass @ (arm**2).sum(axis=1)) - (mass[:, None] * arm).T @ arm
-            spin, constrained = spin_of(body), np.array([way in body.held for way in "xyz"])
-            velocity = np.array([body.x, body.y, body.z])
-            compliance = np.linalg.pinv(inertia, rcond=NO_INERTIA, hermitian=True)
-            of = rows, cell, rho, arm, wide(centre[None])[0], body.radius, float(mass.sum()), compliance, inertia
-            profile = numbers.index(number)
-            self.bodies.append(Body(*of, velocity, spin, constrained, "spin" in body.held, profile))
+        self.bodies = tuple(
+            _body(model, volume, condition, rows, numbers.index(number)) for condition, rows, number in body_entries
+        )
         count = len(self.bodies)
         self.beside = np.zeros((count, 6))  # force and torque of contact now that no node of the body has
         self.motion = Motion(*(np.zeros((count, width)) for width in (3, 4, 3, 3, 3, 6)))
@@ -166,6 +156,20 @@ class RigidMotion:
         """Force (d,) of contact on the body of these rows, N/m, in space N."""
         number = next(b for b, body in enumerate(self.bodies) if body.rows[0] == rows[0])
         return np.asarray(self.motion.force[number, :dimension])
+
+
+def _body(model: Model, volume: Array, body: RigidBody, rows: NDArray[np.int64], profile: int) -> Body:
+    rho, cell = model.rho[rows], volume[rows]
+    mass = rho * cell
+    x = model.grid.position[rows]
+    centre = mass @ x / mass.sum()
+    arm = wide(x - centre)
+    inertia = np.eye(3) * (mass @ (arm**2).sum(axis=1)) - (mass[:, None] * arm).T @ arm
+    spin, constrained = spin_of(body), np.array([way in body.held for way in "xyz"])
+    velocity = np.array([body.x, body.y, body.z])
+    compliance = np.linalg.pinv(inertia, rcond=NO_INERTIA, hermitian=True)
+    of = rows, cell, rho, arm, wide(centre[None])[0], body.radius, float(mass.sum()), compliance, inertia
+    return Body(*of, velocity, spin, constrained, "spin" in body.held, profile)
 
 
 def _turned(turn: Array, way: Array) -> Array:

@@ -45,19 +45,7 @@ def initial_cell_kinds(
     cells[good] = COARSE
     if (in_body & ~good).any():
         cells[(_distance_in_spacings(in_body & ~good) <= reach + RING) & good] = FINE
-    if len(cracks):  # fine near the faces and the edges of pre-cracks
-        where = np.argwhere(cells == COARSE)
-        middle = np.asarray(2.0 * where[:, ::-1] + 1, dtype=np.float64)
-        corner = np.sqrt(3.0)  # from the middle of a cell
-        near = distances(middle, cracks, FLANKS + corner) < FLANKS + corner
-        ends = cracks[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2, 3)
-        key = np.round(ends, 6)
-        swap = np.array([tuple(a) > tuple(b) for a, b in key])
-        key[swap] = key[swap][:, ::-1]
-        _, first, count = np.unique(key.reshape(-1, 6), axis=0, return_index=True, return_counts=True)
-        edges = ends[first[count == 1]]  # those of one triangle alone
-        near |= distances(middle, edges[:, [0, 1, 1]], TIPS + corner) < TIPS + corner
-        cells[tuple(where[near].T)] = FINE
+    _refine_around_cracks(cells, cracks)
     cells = np.pad(cells, numbering.cells.margins[0], constant_values=VOID)
     cells[mask_cells_around_nodes(numbering, unfit_nodes) & (cells == COARSE)] = FINE
     if len(steep_nodes):
@@ -71,6 +59,24 @@ def _distance_in_spacings(cells: NDArray[np.bool_]) -> NDArray[np.float64]:
     from scipy import ndimage  # takes long to import
 
     return np.asarray(2 * ndimage.distance_transform_edt(~cells) - 1)
+
+
+def _refine_around_cracks(cells: NDArray[np.uint8], cracks: NDArray[np.float64]) -> None:
+    """Make cells (z, y, x) fine near the faces and the edges of pre-cracks."""
+    if not len(cracks):
+        return
+    where = np.argwhere(cells == COARSE)
+    middle = np.asarray(2.0 * where[:, ::-1] + 1, dtype=np.float64)
+    corner = np.sqrt(3.0)  # from the middle of a cell
+    near = distances(middle, cracks, FLANKS + corner) < FLANKS + corner
+    ends = cracks[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2, 3)
+    key = np.round(ends, 6)
+    swap = np.array([tuple(a) > tuple(b) for a, b in key])
+    key[swap] = key[swap][:, ::-1]
+    _, first, count = np.unique(key.reshape(-1, 6), axis=0, return_index=True, return_counts=True)
+    edges = ends[first[count == 1]]  # those of one triangle alone
+    near |= distances(middle, edges[:, [0, 1, 1]], TIPS + corner) < TIPS + corner
+    cells[tuple(where[near].T)] = FINE
 
 
 @cached_njit(error_model="numpy")
