@@ -228,6 +228,7 @@ def _info(args: argparse.Namespace) -> int:
 
 
 def _preview(args: argparse.Namespace) -> int:
+    from pdmesh import plain_figure
     from pdmesh.model.node_grid import grid_of
     from pdmesh.reports import preview
 
@@ -235,7 +236,7 @@ def _preview(args: argparse.Namespace) -> int:
     path = None if none else commandline.output_path(args.output, args.drawing, ".png", args.force)
     document = _document(args)
     if path is not None:
-        preview.save(preview.draw(document, str(args.drawing), args.bonds), path)
+        plain_figure.save(preview.draw(document, str(args.drawing), args.bonds), path)
     output, nodes = None if path is None else str(path), len(grid_of(document, str(args.drawing)))
     commandline.report({"output": output, "nodes": nodes}, [str(path)], args)
     return commandline.OK
@@ -298,7 +299,8 @@ def _init(args: argparse.Namespace) -> int:
     from pdmesh.drawing.part import read_part, refuse_other_kinds
     from pdmesh.drawing.part_model import MARK, drawing_text
     from pdmesh.files import write_atomically
-    from pdmesh.reports import part_picture, preview
+    from pdmesh.plain_figure import save
+    from pdmesh.reports import part_picture
 
     refuse_other_kinds(args.drawing)
     beside = args.drawing.parent
@@ -311,7 +313,7 @@ def _init(args: argparse.Namespace) -> int:
     picture = commandline.output_path(named_picture, args.drawing, ".png", args.force, is_companion=True)
     part = read_part(args.drawing, args.unit)
     text = drawing_text(part, picture.name)
-    preview.save(part_picture.draw(part), picture)
+    save(part_picture.draw(part), picture)
     write_atomically(path, text.encode())
     noun = "faces" if part.dimension == 3 else "edges"
     marks = sum(MARK in line.partition("//")[0] for line in text.splitlines())
@@ -392,6 +394,10 @@ def _exits() -> dict[type[Exception], int]:
         from pdsolve import StudyError
 
         errors.append(StudyError)
+    if "pdmesh.plain_figure" in sys.modules:
+        from pdmesh.plain_figure import FigureError
+
+        errors.append(FigureError)
     return dict.fromkeys(errors, commandline.BAD_INPUT)
 
 

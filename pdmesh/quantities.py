@@ -15,9 +15,9 @@ class Unit(NamedTuple):
     over: int
     under: int
 
-    def metres(self, length: Any) -> Any:
-        """A length in this unit, or an array of them, in metres; likewise a time in seconds."""
-        return length * self.over / self.under
+    def to_si(self, value: Any) -> Any:
+        """A number in this unit, or an array of them, in the SI unit."""
+        return value * self.over / self.under
 
     def of(self, metres: float) -> float:
         """A length in metres, expressed in this unit."""
@@ -65,7 +65,7 @@ def quantities(text: str, units: Mapping[str, Unit], usual: Unit | None = None) 
             raise ValueError(text)
         unit = units[match[2]] if match[2] else unit
         value = float(match[1])
-        values.append(value if unit is None else float(unit.metres(value)))
+        values.append(value if unit is None else float(unit.to_si(value)))
     if any(abs(value) == float("inf") for value in values):
         raise ValueError(text)
     return tuple(reversed(values))

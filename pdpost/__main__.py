@@ -109,8 +109,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _exits() -> dict[type[Exception], int]:
     from pdmesh.model.document import GridError
+    from pdmesh.plain_figure import FigureError
     from pdpost.exports.frame_files import ExportError
-    from pdpost.figures.style import FigureError
     from pdpost.reading.watching import SilentError
     from pdsolve.measures.fields import FieldError
     from pdsolve.measures.measured_curve import MeasuredCurveError

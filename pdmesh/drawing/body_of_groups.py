@@ -161,13 +161,13 @@ class BodyShapes:
     def shell(self, group: Mapping[str, Any]) -> Shell:
         """Surface of a group with its volume, m^3; or the nodes of one."""
         if "rows" in group:
-            return NodeSet.of(self._unit.metres(self._gmsh_output["points"][group["rows"]]), group["rows"])
+            return NodeSet.of(self._unit.to_si(self._gmsh_output["points"][group["rows"]]), group["rows"])
         shell = shell_of(self._gmsh_output, group)
-        return Shell(self._unit.metres(shell.triangles), shell.volume * float(self._unit.metres(1.0)) ** 3)
+        return Shell(self._unit.to_si(shell.triangles), shell.volume * float(self._unit.to_si(1.0)) ** 3)
 
     def sheet(self, group: Mapping[str, Any]) -> Sheet:
         """The triangles of a group."""
-        return Sheet(self._unit.metres(sheet_of(self._gmsh_output, group).triangles))
+        return Sheet(self._unit.to_si(sheet_of(self._gmsh_output, group).triangles))
 
     def area(self, group: Mapping[str, Any], place: str) -> Shell:
         """The shell of a group."""
@@ -181,7 +181,7 @@ class BodyShapes:
 
     def points(self, group: Mapping[str, Any]) -> list[tuple[float, ...]]:
         """The points of a group."""
-        return [tuple(self._unit.metres(np.array(curve[0], dtype=float)).tolist()) for curve in group["curves"]]
+        return [tuple(self._unit.to_si(np.array(curve[0], dtype=float)).tolist()) for curve in group["curves"]]
 
     def part_of_boundary(self, words: str, place: str) -> Where:
         """The face that words pick; of a pre-crack the words, which a pressure knows. Raises SceneError."""

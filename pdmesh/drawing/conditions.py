@@ -107,7 +107,7 @@ def _box(text: str, place: str, parameters: Parameters, dimension: int) -> Any:
     """The rectangle or the box that numbers describe, the low corner first."""
     axes = "xyz"[:dimension]
     try:
-        ends = [parameters.unit.metres(float(word)) for word in text.split()]
+        ends = [parameters.unit.to_si(float(word)) for word in text.split()]
     except ValueError:
         ends = []
     if len(ends) != 2 * dimension:
@@ -203,7 +203,7 @@ def _k_field(scene: Scene | Body, parameters: Parameters, folder: str) -> tuple[
     if scene.material is None:
         raise SceneError(f"{place}: the plate has no material; give Material/E, rho and G0")
     try:
-        x, y = (float(parameters.unit.metres(float(word))) for word in parameters.text(f"{folder}/Tip", "0 0").split())
+        x, y = (float(parameters.unit.to_si(float(word))) for word in parameters.text(f"{folder}/Tip", "0 0").split())
     except ValueError:
         raise SceneError(f"parameter '{PREFIX}{folder}/Tip' is no place; use 'x y' in the drawing's unit") from None
     arguments, speed = _shared(parameters, folder), parameters.number(f"{folder}/Tip speed", 0.0)

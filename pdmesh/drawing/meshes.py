@@ -160,7 +160,7 @@ def _plate(
     groups += [Group("zone:mesh", 2, surfaces=_outlines(plate))]
     groups += [Group(SLIT, 1, curves=tuple(np.pad(line, ((0, 0), (0, 1))) for line in slit))] if slit else []
     scene = added(scene_of(groups, values | spacing, path.name), [], cracks)
-    position, delta, areas = unit.metres(position), unit.metres(delta), unit.metres(unit.metres(areas))
+    position, delta, areas = unit.to_si(position), unit.to_si(delta), unit.to_si(unit.to_si(areas))
     grid = grid_of_nodes(scene, position, delta, areas)
     return grid, settings_of(scene, grid), (*mesh.notes, *notes, *more, *remarks(scene))
 

@@ -246,11 +246,11 @@ class Parameters:
     def maybe_length(self, name: str) -> float | None:
         """A length in metres, or None if it is not given."""
         value = self.maybe(name)
-        return None if value is None else float(self.unit.metres(value))
+        return None if value is None else float(self.unit.to_si(value))
 
     def length(self, name: str) -> float:
         """A length in metres. Raises SceneError if it is not given."""
-        return float(self.unit.metres(self.number(name)))
+        return float(self.unit.to_si(self.number(name)))
 
     def whole(self, name: str, default: int) -> int:
         """A whole number."""

@@ -91,7 +91,7 @@ class Group:
 def in_metres(group: Group, unit: Unit) -> Group:
     """The group with its coordinates in metres."""
     curves, *surfaces = (
-        tuple(unit.metres(np.asarray(curve, dtype=float)) for curve in curve_list)
+        tuple(unit.to_si(np.asarray(curve, dtype=float)) for curve in curve_list)
         for curve_list in (group.curves, *group.surfaces)
     )
     return replace(group, curves=curves, surfaces=tuple(surfaces))

@@ -52,8 +52,8 @@ def body_of_points(mesh: Mesh, values: Mapping[str, float | str], source: str) -
     }
     middle = float(np.median(spacing))
     body = body_of(geometry, {SPACING: middle} | dict(values), source)
-    length = float(unit.metres(1.0))
-    cloud = NodeCloud(unit.metres(places), unit.metres(spacing), volumes * length**3)
+    length = float(unit.to_si(1.0))
+    cloud = NodeCloud(unit.to_si(places), unit.to_si(spacing), volumes * length**3)
     word = values.get(f"{PREFIX}Units") or "m"
     said = (
         f"points: on no lattice: they are the nodes, {middle:.6g} {word} wide; the surface is {outside:.4g} {word}"

@@ -11,7 +11,7 @@ import ast
 import io
 import re
 import tokenize
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -211,16 +211,28 @@ def with_tables(conditions: Sequence[C], folder: Path, dimension: int, place: st
     Raises PlaceError for a file that cannot be one of a model in the plane (2) or in space (3), whose message begins
     with the condition's place below `place`.
     """
-    with_values = list(conditions)
+    with_values = []
     for number, condition in enumerate(conditions):
-        for name, at, value in varying(condition):
-            if isinstance(value, str) and is_file(value):
-                try:
-                    table = read_table(value, folder, dimension)
-                except PlaceError as error:
-                    raise PlaceError(f"{place}[{number}].{named(name, at)}: {error}") from None
-                with_values[number] = replaced(with_values[number], name, at, table)
+        try:
+            with_values.append(with_read_values(condition, is_file, lambda words: read_table(words, folder, dimension)))
+        except PlaceError as error:
+            raise PlaceError(f"{place}[{number}].{error}") from None
     return tuple(with_values)
+
+
+def with_read_values(condition: C, is_name: Callable[[str], bool], read: Callable[[str], Table]) -> C:
+    """The condition with the tables that `read` gives in place of words that are names of files.
+
+    Raises PlaceError, beginning with the name of the value.
+    """
+    for name, at, value in varying(condition):
+        if isinstance(value, str) and is_name(value):
+            try:
+                table = read(value)
+            except PlaceError as error:
+                raise PlaceError(f"{named(name, at)}: {error}") from None
+            condition = replaced(condition, name, at, table)
+    return condition
 
 
 def read_table(words: str, folder: Path, dimension: int) -> Table:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +11,12 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection
 from numpy.typing import NDArray
 
-from pdmesh.files import write_atomically
 from pdmesh.model import selection
 from pdmesh.model.amounts import pair_count
 from pdmesh.model.document import Document, settings_of
 from pdmesh.model.node_grid import Grid, grid_of
 from pdmesh.model.visibility import plate_of
-from pdmesh.plain_figure import Figure, formats
+from pdmesh.plain_figure import Figure
 from pdmesh.plain_text import for_legend
 from pdmesh.reports import body_preview
 from pdmesh.reports.bonds_and_step import bonds_of_run
@@ -81,17 +79,6 @@ def draw(document: Document, name: str, with_bonds: bool = False) -> Figure:
     figure.draw_without_rendering()
     figure.set_layout_engine("none")  # which each drawing would change a little more
     return figure
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write the picture in the format of the path's suffix, with reproducible bytes. Raises SceneError."""
-    kind = path.suffix.lower().removeprefix(".")
-    if kind not in formats():
-        raise SceneError(f"{path}: suffix '{path.suffix}' is not known; use one of .{', .'.join(formats())}")
-    undated: dict[str, Any] = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
-    picture = io.BytesIO()
-    figure.savefig(picture, format=kind, metadata=undated.get(kind))
-    write_atomically(path, picture.getvalue())
 
 
 def _nodes(axes: Axes, grid: Grid, points: float) -> None:

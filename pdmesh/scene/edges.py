@@ -103,7 +103,7 @@ def points_in(
     if not first or points.shape != (forms[first], dimension) or not (np.abs(points) <= LARGEST).all():
         raise SceneError(f"{place}: cannot read '{words}'; use {expected}")
     directions = {"normal": 0, "bearing": 1}.get(first, len(points))
-    points[:directions] = unit.metres(points[:directions])
+    points[:directions] = unit.to_si(points[:directions])
     if not np.abs(points[directions:]).any(axis=1).all():
         raise SceneError(f"{place}: '{words}' has no direction; use one that is not 0")
     return first, points

@@ -8,10 +8,10 @@ from typing import Any, TypeVar
 
 import msgspec
 
-from pdmesh.model.document import AnyCondition, Material
+from pdmesh.model.document import Material
 from pdmesh.model.fracture_energy import with_fracture_energy
-from pdmesh.model.values_at_places import with_tables
-from pdmesh.model.values_of_place import PlaceError, named, replaced, varying
+from pdmesh.model.values_at_places import read_table, with_read_values
+from pdmesh.model.values_of_place import PlaceError, Table, is_file
 from pdmesh.scene.body import Body, SolidBeside
 from pdmesh.scene.conditions import describe
 from pdmesh.scene.mesh_files import is_mesh, table_of_mesh
@@ -25,12 +25,15 @@ S = TypeVar("S", bound=Scene | Body)
 def with_files(scene: S, folder: Path) -> S:
     """The scene with tables in place of the names of files in a folder. Raises SceneError."""
     dimension, changed = len(scene.AXES), []
+
+    def read(words: str) -> Table:
+        return (table_of_mesh if is_mesh(words) else read_table)(words, folder, dimension)
+
     for condition in scene.conditions:
         try:
-            action = _with_meshes(condition.action, folder, dimension)
-            (action,) = with_tables((action,), folder, dimension, "")
+            action = with_read_values(condition.action, is_file, read)
         except PlaceError as error:
-            raise SceneError(f"{describe(condition.action)}: {str(error).removeprefix('[0].')}") from None
+            raise SceneError(f"{describe(condition.action)}: {error}") from None
         changed.append(condition if action is condition.action else replace(condition, action=action))
     fields = []
     for field in scene.fields:
@@ -41,18 +44,6 @@ def with_files(scene: S, folder: Path) -> S:
     if all(new is old for new, old in zip((*changed, *fields), (*scene.conditions, *scene.fields), strict=True)):
         return scene
     return replace(scene, conditions=tuple(changed), fields=tuple(fields))  # type: ignore[arg-type]
-
-
-def _with_meshes(action: AnyCondition, folder: Path, dimension: int) -> AnyCondition:
-    """The condition with tables in place of the names of meshes in a folder. Raises PlaceError."""
-    for name, at, value in varying(action):
-        if isinstance(value, str) and is_mesh(value):
-            try:
-                table = table_of_mesh(value, folder, dimension)
-            except PlaceError as error:
-                raise PlaceError(f"{named(name, at)}: {error}") from None
-            action = replaced(action, name, at, table)
-    return action
 
 
 def known(scene: S) -> S:

@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from pdmesh.plain_figure import FigureError
 from pdmesh.plain_text import for_html, for_srcdoc
 from pdpost.browser import messages
-from pdpost.figures.style import FigureError
 from pdsolve.measures import fields
 from pdsolve.measures.frame_steps import frames, has_diffusion_only
 from pdsolve.results import Results, ResultsError

@@ -120,6 +120,7 @@ def _animate(args: argparse.Namespace) -> int:
 
 
 def _watch(args: argparse.Namespace) -> int:
+    from pdmesh.plain_figure import check_format
     from pdpost.figures import field_figure, style
     from pdpost.reading import watching
     from pdsolve.measures.fields import default_field_name
@@ -128,7 +129,7 @@ def _watch(args: argparse.Namespace) -> int:
 
     def chosen(field: str) -> Path:
         path = commandline.output_path(args.output, args.results, f".{field}.png", args.force)
-        style.check_format(path)
+        check_format(path)
         return path
 
     field: str | None = args.field

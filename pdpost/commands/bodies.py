@@ -63,6 +63,7 @@ def _add_body_command(commands: Commands, name: str, about: str) -> argparse.Arg
 
 
 def _slice(args: argparse.Namespace) -> int:
+    from pdmesh.plain_figure import check_format
     from pdpost.exports import csv_columns
     from pdpost.figures import slice_figure, style
     from pdsolve.measures import fields, slices
@@ -71,7 +72,7 @@ def _slice(args: argparse.Namespace) -> int:
 
     path = picture_path(args, ".slice.png")
     if path is not None:
-        style.check_format(path)
+        check_format(path)
     with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         slices.expect_3d_body(results)
         step, time = chosen_frame(results, args)
@@ -96,6 +97,7 @@ def _slice(args: argparse.Namespace) -> int:
 
 
 def _render(args: argparse.Namespace) -> int:
+    from pdmesh.plain_figure import check_format
     from pdpost.figures import colours, render, style
     from pdsolve.measures import fields, slices
     from pdsolve.measures.embedded_model import counts_load_steps, moment
@@ -103,7 +105,7 @@ def _render(args: argparse.Namespace) -> int:
 
     path = picture_path(args, ".render.png")
     if path is not None:
-        style.check_format(path)
+        check_format(path)
     exclusive_options = [option for option, value in (("--crack", args.crack), ("--explode", args.explode)) if value]
     names = ("field", "component", "largest", "level", "plane")  # which say nothing of cracks
     others = [f"--{name}" for name in names if getattr(args, name) is not None]

@@ -55,6 +55,7 @@ def add(commands: Commands) -> None:
 
 
 def _compare(args: argparse.Namespace) -> int:
+    from pdmesh.plain_figure import check_format
     from pdpost.figures import frames_figure, style
     from pdsolve.measures import fields
     from pdsolve.measures.frame_steps import time_text
@@ -73,7 +74,7 @@ def _compare(args: argparse.Namespace) -> int:
     args.results = files[0].with_name("compare.sqlite")
     path = picture_path(args, ".png")
     if path is not None:
-        style.check_format(path)
+        check_format(path)
     part = fields.choose_component(args.field, args.component)
     with style.styled(dict(args.assignments)), ExitStack() as stack:
         runs = [stack.enter_context(Results.open(file)) for file in files]

@@ -148,6 +148,7 @@ def _field(args: argparse.Namespace) -> int:
 
 def _sheet(args: argparse.Namespace, name: str, part: str) -> int:
     """Draw several frames of a field on one sheet; returns the exit code."""
+    from pdmesh.plain_figure import check_format
     from pdpost.figures import frames_figure, style
     from pdsolve.results import Results
 
@@ -155,7 +156,7 @@ def _sheet(args: argparse.Namespace, name: str, part: str) -> int:
         raise commandline.UsageError("--csv cannot be combined with --frames; choose one frame (--frame or --time)")
     path = picture_path(args, f".{name}.frames.png")
     if path is not None:
-        style.check_format(path)
+        check_format(path)
     with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         steps = chosen_frames(results, args)
         check_window(results, args)
@@ -208,6 +209,7 @@ def _bonds(args: argparse.Namespace) -> int:
 
 def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Drawn]) -> int:
     """Draw the frame asked for and print what it shows; returns the exit code."""
+    from pdmesh.plain_figure import check_format
     from pdpost.exports import csv_columns
     from pdpost.figures import style
     from pdsolve.measures.embedded_model import moment
@@ -215,7 +217,7 @@ def _drawn(args: argparse.Namespace, show: Callable[[Results, int, float], Drawn
 
     path = picture_path(args, f".{args.picture}.png")
     if path is not None:
-        style.check_format(path)
+        check_format(path)
     with style.styled(dict(args.assignments)), Results.open(args.results) as results:
         step, time = chosen_frame(results, args)
         check_window(results, args)

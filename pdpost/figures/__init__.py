@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from pdmesh.lazy_imports import lazily
 
 if TYPE_CHECKING:
+    from pdmesh.plain_figure import FigureError
     from pdpost.figures.animation import gif
     from pdpost.figures.bond_figure import bonds
     from pdpost.figures.charts import balance, histories, masses, reactions
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
     from pdpost.figures.page import report
     from pdpost.figures.scene_figure import nodes
     from pdpost.figures.study_figure import study
-    from pdpost.figures.style import FigureError, save, styled
+    from pdpost.figures.style import save, styled
     from pdpost.figures.tradeoff_figure import tradeoff
 else:
     _HOMES = {

@@ -20,10 +20,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pdmesh import trust
+from pdmesh.plain_figure import FigureError
 from pdpost.figures import colours, crack_render, field_figure, slice_figure
 from pdpost.figures.raster import Box
 from pdpost.figures.sheets import border, box_of, grown, hidden, legend, mark, paint, painted_cells, seen, shape, sheet
-from pdpost.figures.style import EDGE, TORN, UNKNOWN, FigureError
+from pdpost.figures.style import EDGE, TORN, UNKNOWN
 from pdsolve.measures import fields
 from pdsolve.measures.frame_steps import chosen
 from pdsolve.measures.slices import expect_3d_body

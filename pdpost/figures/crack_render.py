@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from numpy.typing import NDArray
 
-from pdmesh.plain_figure import Figure
+from pdmesh.plain_figure import Figure, FigureError
 from pdpost.figures.colours import CMAP, Colours, Opening, colours, mappable, opening_colours, title
 from pdpost.figures.render import STONE, add_body, framed, image, needed_pyvista, plotter_of, taken
-from pdpost.figures.style import COLOURS, FigureError
+from pdpost.figures.style import COLOURS
 from pdsolve.measures import slices
 from pdsolve.measures.crack_faces import (
     CrackSurface,

@@ -8,9 +8,8 @@ import numpy as np
 from matplotlib.cm import ScalarMappable
 from numpy.typing import NDArray
 
-from pdmesh.plain_figure import Figure
+from pdmesh.plain_figure import Figure, FigureError
 from pdpost.figures.colours import Colours, mappable
-from pdpost.figures.style import FigureError
 from pdsolve.measures.slices import AXES
 from pdsolve.results import Nodes
 

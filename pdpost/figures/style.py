@@ -17,7 +17,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.transforms import Bbox
 
 from pdmesh.files import FilePath, write_atomically
-from pdmesh.plain_figure import Figure, formats
+from pdmesh.plain_figure import UNDATED, Figure, FigureError, check_format
 from pdmesh.spelling import meant
 
 STYLE: dict[str, Any] = {
@@ -72,11 +72,6 @@ KINDS = (  # of settings that pictures have
 OF_TEX = ("text.usetex", "text.latex", "text.parse_math")
 BOUNDS = {"font.size": (1.0, 72.0), "savefig.dpi": (10.0, 1200.0), "figure.dpi": (10.0, 1200.0)}
 LARGEST = 1000.0  # number of any other setting
-UNDATED = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
-
-
-class FigureError(ValueError):
-    """A picture that cannot be drawn; the message says what was found and what was expected."""
 
 
 @contextmanager
@@ -170,14 +165,6 @@ def written(figure: Figure, kind: str, dpi: float | None = None) -> bytes:
             box = Bbox.from_extents(middle - width / 2, bounds.y0 - EDGING, middle + width / 2, bounds.y1 + EDGING)
         figure.savefig(picture, format=kind, bbox_inches=box, metadata=UNDATED.get(kind), **more)
     return picture.getvalue()
-
-
-def check_format(path: Path) -> str:
-    """Format of the path's suffix. Raises FigureError, naming the supported formats."""
-    kind = path.suffix.lower().removeprefix(".")
-    if kind not in formats():
-        raise FigureError(f"{path}: suffix '{path.suffix}' is not known; use one of .{', .'.join(formats())}")
-    return kind
 
 
 def _try(style: Mapping[str, Any], named: str) -> None:

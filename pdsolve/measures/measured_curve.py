@@ -90,7 +90,7 @@ def read_measured_curve(path: FilePath) -> MeasuredCurve:
     )
     curve = MeasuredCurve(
         str(path),
-        *_positive_at_peak(length.metres(values[:, 0]), force.metres(values[:, 1])),
+        *_positive_at_peak(length.to_si(values[:, 0]), force.to_si(values[:, 1])),
         values[:, 2] if weights else np.ones(len(values)),
         heads[load][1] in FORCES_PER_THICKNESS,
     )

@@ -140,7 +140,7 @@ def filled(model: Model, limits: Limit) -> BondSource:
     neighbours = Neighbours(grid.position, grid.delta, horizon + margin, mutual=True)
     sight, farthest = sight_of(grid, model.name), float((horizon + margin).max())
     interfaces = Interfaces(model) if model.settings.interfaces else None
-    evenly = first.model == "correspondence"  # with influences that make K alike at all spacings
+    has_balanced_influences = first.model == "correspondence"  # that make K alike at all spacings
     largest, d = float(horizon.max()), grid.dimension
 
     def counts(pairs: Pairs) -> NDArray[np.float64]:
@@ -158,8 +158,8 @@ def filled(model: Model, limits: Limit) -> BondSource:
         source_limit, target_limit = (limits(end, reach, crossings) for end in (pairs.source, pairs.target))
         limit = source_limit / 2 + target_limit / 2
         weight = counts(pairs._replace(length=sight.apart(pairs, first.detour, farthest)))
-        nothing, even = np.zeros(len(limit)), (largest / reach) ** (d + 2) if evenly else 1.0
-        return Paired(pairs, weight > ROUND_OFF, nothing, limit, limit, weight * even * area[pairs.target])
+        nothing, balance = np.zeros(len(limit)), (largest / reach) ** (d + 2) if has_balanced_influences else 1.0
+        return Paired(pairs, weight > ROUND_OFF, nothing, limit, limit, weight * balance * area[pairs.target])
 
     def is_cut(rows: NDArray[np.int64]) -> NDArray[np.int64]:
         pairs = neighbours.pairs(rows)
@@ -168,7 +168,11 @@ def filled(model: Model, limits: Limit) -> BondSource:
 
     @cache
     def factors() -> BorderFactors:
-        return border_factors(grid, horizon, paired_before_balance, is_cut, area) if evenly else NO_FACTORS
+        return (
+            border_factors(grid, horizon, paired_before_balance, is_cut, area)
+            if has_balanced_influences
+            else NO_FACTORS
+        )
 
     def paired_of(rows: NDArray[np.int64]) -> Paired:
         paired = paired_before_balance(rows)

@@ -14,6 +14,7 @@ from pdmesh.plain_text import print_to_stderr
 
 if TYPE_CHECKING:
     from pdsolve.study.description import Study
+    from pdsolve.study.dispatch import StudyWorkers
 
 LISTED = 10  # runs that failed, in lines
 
@@ -32,6 +33,14 @@ def parser() -> argparse.ArgumentParser:
         help="the table (default: the study's name with .sqlite, in the current folder); the runs' databases are in"
         " a folder beside it, with .runs",
     )  # fmt: skip
+    add_run_options(program)
+    program.add_argument("--json", action="store_true", help="print the rows as JSON on stdout")
+    program.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors and warnings")
+    return program
+
+
+def add_run_options(program: commandline.Parser) -> None:
+    """Put the options on a command line that say how runs of a study are solved; see `chosen_workers`."""
     program.add_argument("--force", action="store_true", help="remove existing runs and begin anew")
     program.add_argument("--again", action="store_true", help="solve failed runs once more")
     program.add_argument(
@@ -50,9 +59,17 @@ def parser() -> argparse.ArgumentParser:
     )
     commandline.add_trust(program)
     program.set_by = lambda word: "pdmesh plan STUDY, which solves nothing" if word == "--dry-run" else ""
-    program.add_argument("--json", action="store_true", help="print the rows as JSON on stdout")
-    program.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors and warnings")
-    return program
+
+
+def chosen_workers(args: argparse.Namespace) -> StudyWorkers:
+    """The workers of the options of `add_run_options`. Raises UsageError for two kinds of them."""
+    from pdsolve.study.dispatch import StudyWorkers
+
+    if args.scheduler and args.workers:
+        raise commandline.UsageError(
+            "--workers cannot be combined with --scheduler, whose workers there are; use one of them"
+        )
+    return StudyWorkers(args.workers, args.threads, args.scheduler, args.trust)
 
 
 def main(argv: Sequence[str]) -> int:
@@ -64,15 +81,10 @@ def main(argv: Sequence[str]) -> int:
 def _study(args: argparse.Namespace) -> int:
     commandline.expect(args.study, FileKind.STUDY)
     from pdsolve.study.description import read_study
-    from pdsolve.study.dispatch import StudyWatch, StudyWorkers, solve_study
+    from pdsolve.study.dispatch import StudyWatch, solve_study
 
-    if args.scheduler and args.workers:
-        raise commandline.UsageError(
-            "--workers cannot be combined with --scheduler, whose workers there are; use one of them"
-        )
-    study = read_study(args.study)
+    workers, study = chosen_workers(args), read_study(args.study)
     path = commandline.output_path(args.output, args.study, ".sqlite", force=True)  # what is there is gone on with
-    workers = StudyWorkers(args.workers, args.threads, args.scheduler, args.trust)
     price = partial(_price_line, study, path, args)
     with stopping.patience(stopping.WORKERS), StudyWatch(args.quiet, price) as watch:
         try:

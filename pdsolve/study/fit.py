@@ -30,7 +30,7 @@ from pdsolve.measures.measured_curve import (
 )
 from pdsolve.results import Results
 from pdsolve.study.description import FitSettings, Study, StudyError
-from pdsolve.study.dispatch import DEFAULT_WORKERS, StudyProgress, StudyRuns, StudyWorkers, open_runs
+from pdsolve.study.dispatch import DEFAULT_WORKERS, StudyRuns, StudyWorkers, open_runs
 from pdsolve.study.measure_columns import UNITS, column_of
 from pdsolve.study.table import FINISHED, Row
 
@@ -96,7 +96,7 @@ def fit_study(
     measured: MeasuredCurve,
     output: FilePath,
     workers: StudyWorkers = DEFAULT_WORKERS,
-    watch: Callable[[FitProgress | StudyProgress], None] | None = None,
+    watch: Callable[[FitProgress], None] | None = None,
     again: bool = False,
     force: bool = False,
 ) -> Fit:
@@ -113,7 +113,7 @@ def fit_study(
     workers
         The processes that solve the runs of a derivative.
     watch
-        Called with each set of parameters that was tried, and after each run.
+        Called with each set of parameters that was tried.
     again, force
         Solve failed runs once more; remove existing runs.
 
@@ -185,7 +185,7 @@ class _Problem:
         fit: FitSettings,
         measured: MeasuredCurve,
         runs: StudyRuns,
-        watch: Callable[[FitProgress | StudyProgress], None] | None,
+        watch: Callable[[FitProgress], None] | None,
         again: bool,
     ) -> None:
         self._study, self._fit, self._runs, self._watch, self._again = study, fit, runs, watch, again
@@ -328,7 +328,7 @@ class _Problem:
             return
         names = [variable.name for variable in self.variables]
         cases = [self._study.case_of_fit(dict(zip(names, values, strict=True))) for values in new]
-        rows = {row.key: row for row in self._runs.solve(cases, self._watch, self._again)}
+        rows = {row.key: row for row in self._runs.solve(cases, None, self._again)}
         for values, case in zip(new, cases, strict=True):
             self._rows[values] = row = rows[case.key]
             if row.status == FINISHED:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 from pdmesh import commandline, stopping
 from pdmesh.file_kinds import FileKind
 from pdmesh.plain_text import for_csv, print_to_stderr
+from pdsolve.study import command
 
 if TYPE_CHECKING:
-    from pdsolve.study.dispatch import StudyProgress
     from pdsolve.study.fit import Fit, FitProgress, FittedParameter
 
 
@@ -45,24 +46,7 @@ def parser() -> argparse.ArgumentParser:
         help="the picture, in the format of its suffix (default: the study's name with .fit.png; none with --json)",
     )
     program.add_argument("--csv", type=Path, metavar="FILE", help="write the compared curves as a table, in SI units")
-    program.add_argument("--force", action="store_true", help="remove existing runs and begin anew")
-    program.add_argument("--again", action="store_true", help="solve failed runs once more")
-    program.add_argument(
-        "--workers",
-        type=commandline.count,
-        metavar="N",
-        help="number of processes (default: cores divided by --threads)",
-    )
-    program.add_argument(
-        "--threads", type=commandline.count, default=1, metavar="N", help="threads of each run (default: 1)"
-    )
-    program.add_argument(
-        "--scheduler",
-        metavar="ADDRESS",
-        help="address of a Dask scheduler whose workers share this folder, such as tls://x:8786",
-    )
-    commandline.add_trust(program)
-    program.set_by = lambda word: "pdmesh plan STUDY, which solves nothing" if word == "--dry-run" else ""
+    command.add_run_options(program)
     program.add_argument("--json", action="store_true", help="print the result as JSON on stdout")
     program.add_argument("-q", "--quiet", action="store_true", help="print nothing but errors and warnings")
     return program
@@ -77,26 +61,22 @@ def main(argv: Sequence[str]) -> int:
 def _fit(args: argparse.Namespace) -> int:
     commandline.expect(args.study, FileKind.STUDY)
     commandline.expect_other_outputs(args)
-    if args.scheduler and args.workers:
-        raise commandline.UsageError(
-            "--workers cannot be combined with --scheduler, whose workers there are; use one of them"
-        )
+    workers = command.chosen_workers(args)
     from pdsolve.measures.measured_curve import read_measured_curve
     from pdsolve.study.description import read_study
-    from pdsolve.study.dispatch import StudyWorkers
     from pdsolve.study.fit import fit_study
 
     study, measured = read_study(args.study), read_measured_curve(args.measured)
     path = commandline.output_path(args.output, args.study, ".sqlite", force=True)  # what is there is gone on with
     picture = None
     if args.picture is not None or not args.json:  # which a fit overwrites, as it does the table
+        from pdmesh import plain_figure
         from pdsolve.study import fit_figure
 
         picture = commandline.output_path(args.picture, args.study, ".fit.png", force=True)
-        fit_figure.format_of(picture)
+        plain_figure.check_format(picture)
     if args.csv is not None:
         commandline.output_path(args.csv, args.study, ".csv", force=True)
-    workers = StudyWorkers(args.workers, args.threads, args.scheduler, args.trust)
     with stopping.patience(stopping.WORKERS):
         try:
             fit = fit_study(study, measured, path, workers, _watch(args), args.again, args.force)
@@ -110,7 +90,7 @@ def _fit(args: argparse.Namespace) -> int:
         _write_csv(fit, args.csv, abscissa, per)
     lines = [f"{path}: the runs"]
     if picture is not None:
-        fit_figure.save(fit_figure.draw(fit, abscissa, per), picture)
+        plain_figure.save(fit_figure.draw(fit, abscissa, per), picture)
         lines.append(f"{picture}: the picture")
     for remark in fit.remarks:
         commandline.warn(f"pdsolve fit: warning: {remark}")
@@ -122,11 +102,7 @@ def _fit(args: argparse.Namespace) -> int:
 def _watch(args: argparse.Namespace) -> Any:
     """What prints a line for each set of parameters that was tried."""
 
-    def watch(progress: FitProgress | StudyProgress) -> None:
-        from pdsolve.study.fit import FitProgress
-
-        if not isinstance(progress, FitProgress):
-            return
+    def watch(progress: FitProgress) -> None:
         named = ", ".join(f"{name} = {value:g}" for name, value in progress.values.items())
         misfit = "the run failed" if progress.misfit is None else f"misfit {progress.misfit:.3%}"
         print_to_stderr(f"{progress.evaluation}: {named}: {misfit}")
@@ -189,6 +165,10 @@ def _write_csv(fit: Fit, path: Path, abscissa: str, per: str) -> None:
 
 def _exits() -> dict[type[Exception], int]:
     from pdsolve.measures.measured_curve import MeasuredCurveError
-    from pdsolve.study import command
 
-    return command.exits() | {MeasuredCurveError: commandline.BAD_INPUT}
+    errors: list[type[Exception]] = [MeasuredCurveError]
+    if "pdmesh.plain_figure" in sys.modules:
+        from pdmesh.plain_figure import FigureError
+
+        errors.append(FigureError)
+    return command.exits() | dict.fromkeys(errors, commandline.BAD_INPUT)

@@ -2,27 +2,13 @@
 
 from __future__ import annotations
 
-import io
-from pathlib import Path
-
 import numpy as np
 
-from pdmesh.files import write_atomically
-from pdmesh.plain_figure import Figure, formats
-from pdsolve.study.description import StudyError
+from pdmesh.plain_figure import Figure
 from pdsolve.study.fit import Fit
 
 WIDTH, HEIGHT, DPI = 7.0, 5.0, 200  # inches, dots per inch
 FIRST, FITTED = "#E69F00", "#0072B2"  # M. Okabe, K. Ito, Color Universal Design (2008)
-UNDATED = {"pdf": {"CreationDate": None}, "svg": {"Date": None}, "png": {"Software": None}}
-
-
-def format_of(path: Path) -> str:
-    """Format of the path's suffix. Raises StudyError, naming the supported formats."""
-    kind = path.suffix.lower().removeprefix(".")
-    if kind not in formats():
-        raise StudyError(f"{path}: suffix '{path.suffix}' is not known; use one of .{', .'.join(formats())}")
-    return kind
 
 
 def draw(fit: Fit, abscissa: str, per: str) -> Figure:
@@ -52,10 +38,3 @@ def draw(fit: Fit, abscissa: str, per: str) -> Figure:
         axes.margins(x=0.01)
     figure.align_ylabels()
     return figure
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Write a figure in the format of the path's suffix, with reproducible bytes. Raises StudyError."""
-    kind, picture = format_of(path), io.BytesIO()
-    figure.savefig(picture, format=kind, metadata=UNDATED.get(kind))
-    write_atomically(path, picture.getvalue())

@@ -12,7 +12,7 @@ from benchmarks.kinds_of_run import KINDS
 from pdsolve.run.simulation import simulate
 
 pytestmark = pytest.mark.filterwarnings("ignore::pdsolve.model.ModelWarning")  # bodies this small jump
-QUICK = ("bonds", "diffusion", "heat", "heat at rest", "slow heat")
+QUICK = ("bonds", "diffusion", "heat", "slow heat")
 ALL_KINDS = [pytest.param(kind, marks=() if kind in QUICK else pytest.mark.slow) for kind in sorted(KINDS)]
 
 

@@ -13,8 +13,9 @@ from pdmesh import Body, Box, Circle, Material, Scene, SceneError, build
 from pdmesh.grid.bodies import build_body
 from pdmesh.grid.lattice import build_grid
 from pdmesh.model.node_grid import document_of
+from pdmesh.plain_figure import FigureError, save
 from pdmesh.reports.load_arrows import marker
-from pdmesh.reports.preview import draw, save
+from pdmesh.reports.preview import draw
 from pdmesh.reports.report import info
 from pdmesh.scene.solids import brick
 
@@ -86,7 +87,7 @@ def test_pictures_are_files_with_the_same_bytes(suffix: str, magic: bytes, scene
 
 def test_unknown_suffix(plate: Scene, tmp_path: Path) -> None:
     grid, settings, _ = build_grid(plate)
-    with pytest.raises(SceneError, match=naming(found="suffix '.doc'")):
+    with pytest.raises(FigureError, match=naming(found="suffix '.doc'")):
         save(draw(document_of(grid, settings), "plate.json"), tmp_path / "a.doc")
     assert not list(tmp_path.iterdir())
 
